@@ -1,0 +1,76 @@
+"""What goes wrong, said in one sentence: what is wrong, the value found, what is allowed, what to do."""
+
+import difflib
+import math
+import numbers
+
+
+class OctoctrlError(ValueError):
+    """Bad input from the user; the message is one complete sentence. The command line turns it into exit code 2."""
+
+
+class PlantUnstableError(RuntimeError):
+    """The simulation diverged or a guard stopped it; carries time, element, mechanism and the last good state.
+
+    Attributes
+    ----------
+    time : float, s
+        When the guard noticed.
+    element : int
+        Element with the worst value.
+    recording : Recording or None
+        What was recorded up to the last good state.
+    """
+
+    def __init__(self, message, *, time, element, recording=None):
+        super().__init__(message)
+        self.time = time
+        self.element = element
+        self.recording = recording
+
+
+class OctoctrlWarning(UserWarning):
+    """Something the user should know that does not stop the work."""
+
+
+def check_number(name, value, *, above=None, at_least=None, below=None, at_most=None, unit="", advice=""):
+    """Check a finite number against its allowed range.
+
+    Raises
+    ------
+    OctoctrlError
+        If `value` is not a finite real number inside the range; the message names the value, the range and `advice`.
+    """
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise OctoctrlError(f"{name}: expected a number{f' in {unit}' if unit else ''}, found {_describe(value)}")
+    if not math.isfinite(value):
+        raise OctoctrlError(f"{name} is {value}; a finite number is needed")
+    low_open, high_open = above is not None, below is not None
+    low, high = (above if low_open else at_least), (below if high_open else at_most)
+    too_low = low is not None and (value <= low if low_open else value < low)
+    too_high = high is not None and (value >= high if high_open else value > high)
+    if too_low or too_high:
+        space = f" {unit}" if unit else ""
+        if low is not None and high is not None:
+            allowed = f"{low:g}…{high:g}{space}"
+        else:
+            allowed = (f"{'>' if low_open else '>='} {low:g}" if low is not None else f"{'<' if high_open else '<='} {high:g}") + space
+        raise OctoctrlError(f"{name}={value:g}{space} is outside {allowed}{f'; {advice}' if advice else ''}")
+
+
+def suggest(word, known):
+    """Return ``"; did you mean 'x'?"`` for the nearest known word, or an empty string."""
+    lowered = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(str(word).lower(), list(lowered), n=1, cutoff=0.6)
+    return f"; did you mean '{lowered[near[0]]}'?" if near else ""
+
+
+def check_choice(name, value, choices):
+    """Check that `value` is one of `choices`; the error suggests the nearest."""
+    if value not in choices:
+        listed = ", ".join(str(choice) for choice in choices)
+        raise OctoctrlError(f"unknown {name} '{value}'{suggest(value, choices)} ({listed})")
+
+
+def _describe(value):
+    return f"the string {value!r}" if isinstance(value, str) else f"{type(value).__name__} {value!r}"
