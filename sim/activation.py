@@ -1,0 +1,263 @@
+"""Activation a(t, s, group) in [0, 1]: templates in seconds and metres of arclength, composed explicitly.
+
+A template gives *cell averages*: the mean of its value over each cell of a partition of the arm. So a window's edge or a front that
+falls inside a cell acts with exactly the share of the cell that it covers, and the plant (some 60 cells) and the reduced model (8 cells)
+see the same activation. The formulas take the module they calculate with (`numpy`, or `casadi` when the planner differentiates them).
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from .arm import MUSCLE_GROUPS
+from .errors import OctoctrlError, check_choice, check_number
+
+COMPOSITIONS = ("override", "max", "add")
+WRITE_THRESHOLD = 2e-3
+"""Values of a wave below this are not written when templates override each other (Tekinalp et al. 2024, released programmes)."""
+
+
+def raised_cosine(math, time, onset, duration):
+    """Smooth step from 0 to 1 between `onset` and `onset + duration`."""
+    progress = math.fmin(math.fmax((time - onset) / duration, 0.0), 1.0)
+    return 0.5 * (1 - math.cos(np.pi * progress))
+
+
+def plateau(math, time, onset, rise, offset, fall):
+    """Raised-cosine rise from `onset`, 1 in between, raised-cosine fall from `offset`."""
+    up = raised_cosine(math, time, onset, rise)
+    return up if _never(offset) else up * (1 - raised_cosine(math, time, offset, fall))
+
+
+def front_coverage(math, position, width, lower, upper):
+    """Mean over the cell [lower, upper] of the front (1 + tanh((position - s) / width)) / 2."""
+    behind = _log_cosh(math, (position - lower) / width) - _log_cosh(math, (position - upper) / width)
+    return 0.5 + 0.5 * width * behind / (upper - lower)
+
+
+def window_coverage(lower, upper, window):
+    """Share of each cell [lower, upper] that lies inside `window`."""
+    inside = np.minimum(upper, window[1]) - np.maximum(lower, window[0])
+    return np.maximum(inside, 0.0) / (upper - lower)
+
+
+def _log_cosh(math, x):
+    size = math.fabs(x)
+    return size + math.log1p(math.exp(-2 * size)) - np.log(2.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plateau:
+    """A window of the arm switched on and off with raised-cosine ramps.
+
+    Attributes
+    ----------
+    groups : tuple of str
+        Muscle groups, of `MUSCLE_GROUPS`.
+    level : float
+        Activation on the plateau.
+    onset, offset : float, s
+        Begin of the rise and of the fall.
+    rise, fall : float, s
+        Durations of the ramps.
+    window : (float, float), m
+        Arclengths between which it acts.
+    """
+
+    groups: tuple[str, ...]
+    level: float
+    onset: float = 0.0
+    rise: float = 0.5
+    offset: float = inf
+    fall: float = 0.5
+    window: tuple[float, float] = (0.0, inf)
+
+    def __post_init__(self):
+        _check_template(self)
+        if _is_number(self.rise):
+            check_number("rise", self.rise, above=0.0, unit="s")
+        if _is_number(self.fall):
+            check_number("fall", self.fall, above=0.0, unit="s")
+
+    def values(self, math, time, lower, upper):
+        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
+        return self.level * plateau(math, time, self.onset, self.rise, self.offset, self.fall)
+
+    def coverage(self, lower, upper):
+        """Share of each cell in which the template acts."""
+        return window_coverage(lower, upper, self.window)
+
+    def wrote(self, math, value):
+        """Where the template overrides what was composed before it."""
+        return value > 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wave:
+    """A front that travels from the window's begin towards the tip, and a second one that follows it.
+
+    Attributes
+    ----------
+    groups : tuple of str
+        Muscle groups, of `MUSCLE_GROUPS`.
+    level : float
+        Activation behind the first front.
+    speed : float, m/s
+    width : float, m
+        The front rises as (1 + tanh(distance / width)) / 2.
+    onset, offset : float, s
+        When the first and the second front leave the window's begin.
+    end_level : float
+        Activation behind the second front.
+    window : (float, float), m
+    """
+
+    groups: tuple[str, ...]
+    level: float
+    speed: float
+    width: float
+    onset: float = 0.0
+    offset: float = inf
+    end_level: float = 0.0
+    window: tuple[float, float] = (0.0, inf)
+
+    def __post_init__(self):
+        _check_template(self)
+        if _is_number(self.speed):
+            check_number("speed", self.speed, above=0.0, unit="m/s")
+        if _is_number(self.width):
+            check_number("width", self.width, above=0.0, unit="m")
+        if _is_number(self.end_level):
+            check_number("end_level", self.end_level, at_least=0.0, at_most=1.0)
+
+    def values(self, math, time, lower, upper):
+        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
+        start = self.window[0]
+        first = front_coverage(math, start + self.speed * (time - self.onset), self.width, lower, upper)
+        value = self.level * first
+        if _never(self.offset):
+            return value
+        second = front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
+        return value - (self.level - self.end_level) * second
+
+    def coverage(self, lower, upper):
+        """Share of each cell in which the template acts."""
+        return window_coverage(lower, upper, self.window)
+
+    def wrote(self, math, value):
+        """Where the template overrides what was composed before it."""
+        return value > WRITE_THRESHOLD
+
+
+Template = Plateau | Wave
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Activation:
+    """A composition of templates.
+
+    Attributes
+    ----------
+    templates : tuple of Template
+        In order; with ``composition="override"`` the last one that writes a place wins.
+    composition : {"override", "max", "add"}
+    on_saturation : {"error", "clip"}
+        What to do where the composition exceeds 1.
+
+    Raises
+    ------
+    OctoctrlError
+        If a name is unknown.
+    """
+
+    templates: tuple[Template, ...] = ()
+    composition: str = "override"
+    on_saturation: str = "error"
+
+    def __post_init__(self):
+        check_choice("composition", self.composition, COMPOSITIONS)
+        check_choice("on_saturation", self.on_saturation, ("error", "clip"))
+
+    @property
+    def groups(self):
+        """The muscle groups that are ever activated, in the order of `MUSCLE_GROUPS`."""
+        used = {group for template in self.templates for group in template.groups}
+        return tuple(group for group in MUSCLE_GROUPS if group in used)
+
+    def compose(self, math, group, time, lower, upper):
+        """Mean activation of `group` in the cells [lower, upper] at `time`, calculated with the module `math`; not checked for saturation."""
+        where = np.where if math is np else math.if_else
+        total = 0.0 * (time + lower)
+        for template in self.templates:
+            if group not in template.groups:
+                continue
+            value, coverage = template.values(math, time, lower, upper), template.coverage(lower, upper)
+            if self.composition == "add":
+                total = total + coverage * value
+            elif self.composition == "max":
+                total = math.fmax(total, coverage * value)
+            else:
+                total = where(template.wrote(math, value), coverage * value + (1 - coverage) * total, total)
+        return total
+
+    def levels(self, times, edges):
+        """Cell averages of every group.
+
+        Parameters
+        ----------
+        times : (T,) float64, s
+        edges : (n + 1,) float64, m
+            Arclengths that bound the cells.
+
+        Returns
+        -------
+        (T, len(MUSCLE_GROUPS), n) float64
+
+        Raises
+        ------
+        OctoctrlError
+            If a level leaves [0, 1] and `on_saturation` is ``"error"``.
+        """
+        times, edges = np.asarray(times, dtype=float), np.asarray(edges, dtype=float)
+        levels = np.zeros((times.size, len(MUSCLE_GROUPS), edges.size - 1))
+        for group in self.groups:
+            levels[:, MUSCLE_GROUPS.index(group)] = self.compose(np, group, times[:, None], edges[:-1], edges[1:])
+        if levels.max(initial=0.0) > 1 + 1e-12 and self.on_saturation == "error":
+            self._raise_saturated(levels, times, edges)
+        return np.clip(levels, 0.0, 1.0, out=levels)
+
+    def _raise_saturated(self, levels, times, edges):
+        k, g, i = np.unravel_index(np.argmax(levels), levels.shape)
+        group, middle = MUSCLE_GROUPS[g], (edges[i] + edges[i + 1]) / 2
+        parts = [
+            f"{type(template).__name__} {float(np.squeeze(template.values(np, times[k], edges[i], edges[i + 1]))):.2f}"
+            for template in self.templates
+            if group in template.groups
+        ]
+        raise OctoctrlError(
+            f"activation of {group} reaches {levels[k, g, i]:.2f} at t={times[k]:.2f} s, s={middle:.2f} m ({' + '.join(parts)}); "
+            "scale, shift, or pass on_saturation='clip'"
+        )
+
+
+def _check_template(template):
+    if not template.groups:
+        raise OctoctrlError(f"{type(template).__name__}: no muscle groups given ({', '.join(MUSCLE_GROUPS)})")
+    for group in template.groups:
+        check_choice("muscle group", group, MUSCLE_GROUPS)
+    if _is_number(template.level):
+        check_number("level", template.level, at_least=0.0, at_most=1.0)
+    if _is_number(template.onset):
+        check_number("onset", template.onset)
+    if template.window[0] >= template.window[1]:
+        raise OctoctrlError(f"window {template.window} m: the begin must lie before the end")
+
+
+def _never(offset):
+    return isinstance(offset, float) and offset == inf
+
+
+def _is_number(value):
+    # Planner variables are CasADi expressions; their bounds are the optimiser's business.
+    return not hasattr(value, "is_symbolic")
