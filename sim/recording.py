@@ -1,0 +1,58 @@
+"""What a run leaves behind: centreline, frames, stretch and activation over time."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .errors import OctoctrlError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Recorded motion of a plant, T instants, n elements.
+
+    Attributes
+    ----------
+    time : (T,) float64, s
+    points : (T, n + 1, 3) float64, m
+        Node positions, base first.
+    frames : (T, n + 2, 3, 3) float64
+        Directors (rows d1, d2, d3) at `stations`: base, element centres, tip.
+    stations : (n + 2,) float64, m
+        Rest arclength of the frames.
+    stretch : (T, n) float64
+        Length over rest length of each element.
+    levels : (T, 11, n) float64
+        Activation in force, by group of `octoctrl.sim.arm.MUSCLE_GROUPS` and element.
+    energy : dict of str to (T,) float64, J
+        Kinetic energy, elastic energy and the running integrals of muscle and drag work.
+    complete : bool
+        False when the run was cut short; `note` says by what.
+    note : str
+    """
+
+    time: np.ndarray
+    points: np.ndarray
+    frames: np.ndarray
+    stations: np.ndarray
+    stretch: np.ndarray
+    levels: np.ndarray
+    energy: dict[str, np.ndarray] = field(default_factory=dict)
+    complete: bool = True
+    note: str = ""
+
+    def __post_init__(self):
+        count = len(self.time)
+        for name in ("points", "frames", "stretch", "levels"):
+            if len(getattr(self, name)) != count:
+                raise OctoctrlError(f"recording: {name} has {len(getattr(self, name))} instants, time has {count}")
+
+    @property
+    def length(self):
+        """Arm length, m, (T,)."""
+        return np.linalg.norm(np.diff(self.points, axis=1), axis=2).sum(axis=1)
+
+    @property
+    def tip(self):
+        """Tip position, m, (T, 3)."""
+        return self.points[:, -1]
