@@ -67,7 +67,6 @@ def writhe_map(points, sections=None, ray_length=1000.0):
     used = kernels.extend(curve, directions[0], directions[1], ray_length * kernels.polyline_length(curve), nodes)
     pairs = np.empty((used - 1, used - 1))
     kernels.pair_matrix(nodes, used, pairs)
-    pairs *= 0.5
     if sections is None:
         return pairs
     inner = _section_starts(count, sections)

@@ -166,7 +166,7 @@ def writhe_series(points, directions, ray_length, out):
 
 @kernel
 def pair_matrix(nodes, count, out):
-    """Write the writhe of every pair of segments into `out` (segments, segments), symmetric; its sum is the writhe.
+    """Write half the writhe of every pair of segments into either place of `out` (segments, segments); its sum is the writhe.
 
     `nodes` (3, count) as left by `extend`.
     """
