@@ -1,0 +1,176 @@
+"""The time loop: many steps, activation, guard and recording inside one compiled call.
+
+A call covers whole *samples*; at the end of each, positions and velocities belong to the same instant, the motion is checked and, if
+asked, recorded. Inside a sample the two half drifts that meet between steps are merged into one. Cutting a run into calls at samples
+does not change a single bit, so that a saved state continues exactly.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .compiler import kernel
+from .muscle_kernels import LawConstants, fibre_kernels, section_kernels
+from .rod_kernels import rod_kernels
+from .rod_layout import offsets
+
+ONE = np.uint64(1)
+FINE, STRETCHED, BENT, NOT_A_NUMBER = 0, 1, 2, 3
+"""What the guard found: nothing, an element outside the allowed stretch, a joint bent too far, a value that is no number."""
+
+STRETCH_LIMITS = (0.2, 3.0)
+JOINT_LIMIT = 1.5
+"""Largest angle between neighbouring elements, rad, that the logarithm's series resolves."""
+
+
+class MuscleScalars(NamedTuple):
+    """Scalars of a muscular rod for the compiled loop."""
+
+    hoop_ratio: float
+    winding: float
+    elastic: float
+    longitudinal: LawConstants
+    oblique: LawConstants
+    transverse: LawConstants
+
+
+def _guard_and_record(stride):
+    o = offsets(stride)
+    X1, X2, X3, STRETCH, LENGTH, JOINT_LENGTH = (o[k] for k in ("X1", "X2", "X3", "STRETCH", "LENGTH", "JOINT_LENGTH"))
+    Q = tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    K1, K2, K3 = o["K1"], o["K2"], o["K3"]
+
+    @kernel
+    def guard(b, n):
+        for k in range(ONE, n + ONE):
+            if not (np.isfinite(b[X1 + k + ONE]) and np.isfinite(b[X2 + k + ONE]) and np.isfinite(b[X3 + k + ONE])):
+                return NOT_A_NUMBER, k
+            if not STRETCH_LIMITS[0] < b[STRETCH + k] < STRETCH_LIMITS[1]:
+                return STRETCHED, k
+            angle = JOINT_LIMIT / b[JOINT_LENGTH + k]
+            if k > ONE and not b[K1 + k] ** 2 + b[K2 + k] ** 2 + b[K3 + k] ** 2 < angle * angle:
+                return BENT, k
+        return FINE, ONE
+
+    @kernel
+    def record(b, n, points, directors, stretch):
+        for k in range(ONE, n + ONE + ONE):
+            points[k - ONE, 0], points[k - ONE, 1], points[k - ONE, 2] = b[X1 + k], b[X2 + k], b[X3 + k]
+        for k in range(ONE, n + ONE):
+            for i in range(9):
+                directors[k - ONE, i // 3, i % 3] = b[Q[i] + k]
+            d1, d2, d3 = b[X1 + k + ONE] - b[X1 + k], b[X2 + k + ONE] - b[X2 + k], b[X3 + k + ONE] - b[X3 + k]
+            stretch[k - ONE] = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3) / b[LENGTH + k]
+
+    return guard, record
+
+
+def elastic_stepper(stride, drag):
+    """Compile the loop of an elastic rod.
+
+    Parameters
+    ----------
+    stride : int
+        Of the buffer.
+    drag : bool
+        Whether the DRAG rows act; without them the quadratic drag is not computed at all.
+
+    Returns
+    -------
+    advance : compiled function
+        ``advance(buffer, n, h, steps, points, directors, stretch)`` takes `steps` steps of `h` for each of the samples, whose count
+        is the length of `points`, and fills the three arrays. Returns ``(samples done, finding, element)``.
+    """
+    drift, strain, curvature, _, moment, transport, kick, water = rod_kernels(stride)
+    guard, record = _guard_and_record(stride)
+
+    @kernel
+    def advance(b, n, h, steps, points, directors, stretch):
+        for sample in range(points.shape[0]):
+            drift(b, n, 0.5 * h)
+            for step in range(steps):
+                strain(b, n)
+                curvature(b, n)
+                moment(b, n)
+                transport(b, n)
+                if drag:
+                    water(b, n)
+                kick(b, n)
+                drift(b, n, h if step + 1 < steps else 0.5 * h)
+            finding, element = guard(b, n)
+            if finding != FINE:
+                return sample, finding, element
+            record(b, n, points[sample], directors[sample], stretch[sample])
+        return points.shape[0], FINE, ONE
+
+    return advance
+
+
+def muscular_stepper(stride):
+    """Compile the loop of a rod with muscle fibres.
+
+    Returns
+    -------
+    advance : compiled function
+        ``advance(buffer, n, h, steps, levels, active, directions, scalars, points, directors, stretch)``: as for the elastic rod, with
+        `levels` (samples + 1, 11, n), linear in time between samples, `active` (11,) bool, which groups ever differ from zero, and
+        `directions` (8, 2), sine and cosine of the longitudinal azimuths.
+    """
+    drift, strain, curvature, curvature_rate, moment, transport, kick, water = rod_kernels(stride)
+    measure, apply, brake, relax = section_kernels(stride)
+    longitudinal_active, oblique_active, transverse_active = fibre_kernels(stride, True)
+    longitudinal_passive, oblique_passive, transverse_passive = fibre_kernels(stride, False)
+    guard, record = _guard_and_record(stride)
+    LEVEL = offsets(stride)["LEVEL"]
+
+    @kernel
+    def set_level(b, n, before, after, share):
+        for k in range(ONE, n + ONE):
+            b[LEVEL + k] = (1 - share) * before[k - ONE] + share * after[k - ONE]
+
+    @kernel
+    def advance(b, n, h, steps, levels, active, directions, scalars, points, directors, stretch):
+        nu, elastic = scalars.hoop_ratio, scalars.elastic
+        for sample in range(points.shape[0]):
+            drift(b, n, 0.5 * h)
+            before, after = levels[sample], levels[sample + 1]
+            for step in range(steps):
+                share = (step + 0.5) / steps
+                strain(b, n)
+                curvature(b, n)
+                curvature_rate(b, n)
+                moment(b, n)
+                measure(b, n, nu, scalars.longitudinal, elastic)
+                for group in range(8):
+                    sine, cosine = directions[group, 0], directions[group, 1]
+                    if active[group]:
+                        set_level(b, n, before[group], after[group], share)
+                        longitudinal_active(b, n, sine, cosine, nu, scalars.longitudinal, elastic)
+                    else:
+                        longitudinal_passive(b, n, sine, cosine, nu, scalars.longitudinal, elastic)
+                for group in range(8, 10):
+                    winding = scalars.winding if group == 8 else -scalars.winding
+                    if active[group]:
+                        set_level(b, n, before[group], after[group], share)
+                        oblique_active(b, n, winding, nu, scalars.oblique, elastic)
+                    else:
+                        oblique_passive(b, n, winding, nu, scalars.oblique, elastic)
+                if active[10]:
+                    set_level(b, n, before[10], after[10], share)
+                    transverse_active(b, n, nu, scalars.transverse, elastic)
+                else:
+                    transverse_passive(b, n, nu, scalars.transverse, elastic)
+                apply(b, n)
+                transport(b, n)
+                water(b, n)
+                kick(b, n)
+                brake(b, n)
+                relax(b, n)
+                drift(b, n, h if step + 1 < steps else 0.5 * h)
+            finding, element = guard(b, n)
+            if finding != FINE:
+                return sample, finding, element
+            record(b, n, points[sample], directors[sample], stretch[sample])
+        return points.shape[0], FINE, ONE
+
+    return advance
