@@ -59,6 +59,11 @@ class Execution:
     status: ExecutionStatus = ExecutionStatus.FINISHED
     statistics: dict = field(default_factory=dict)
 
+    def __str__(self):
+        from .console import execution_text
+
+        return execution_text(self)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
@@ -86,6 +91,11 @@ class Verdict:
     """
 
     checks: tuple[Check, ...]
+
+    def __str__(self):
+        from .console import verdict_text
+
+        return verdict_text(self)
 
     @property
     def passed(self):

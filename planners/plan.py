@@ -59,6 +59,26 @@ class Plan:
     status: PlanStatus
     statistics: dict = field(default_factory=dict)
 
+    def __str__(self):
+        phases = [*self.phase_begins.items()]
+        ends = [*[begin for _, begin in phases[1:]], self.schedule.duration]
+        lines = [f"plan '{self.task.name}'   {self.schedule.duration:.2f} s on arm {self.arm.name} ({self.arm.fingerprint})"]
+        lines.append(" phase        from     to     twist   lifted writhe   (at its end, predicted)")
+        for (name, begin), end in zip(phases, ends, strict=True):
+            twist, writhe = (np.interp(end, self.trace.time, getattr(self.trace, key)) for key in ("twist", "lifted_writhe"))
+            lines.append(f"  {name:10} {begin:5.2f}  {end:5.2f}    {twist:+6.2f}          {writhe:+6.2f}")
+        lines.append(" drive             primitive  muscles       level   onset    rise  offset")
+        names = [drive.name for drive in self.task.drives]
+        names += [""] * (len(self.schedule.primitives) - len(names))
+        for name, primitive in zip(names, self.schedule.primitives, strict=False):
+            groups = "+".join(dict.fromkeys(group for template in primitive.templates() for group in template.groups))
+            groups = groups.replace("LM1+LM2+LM3+LM4+LM5+LM6+LM7+LM8", "all LM")
+            numbers = [getattr(primitive, key, np.nan) for key in ("level", "onset", "rise", "offset")]
+            cells = "".join(f"{number:8.2f}" if np.isfinite(number) else "       -" for number in numbers)
+            lines.append(f"  {name:16}{type(primitive).__name__:11}{groups:11}{cells}")
+        lines.append(f" {self.status.value}")
+        return "\n".join(lines)
+
     def raise_if_failed(self):
         """Return the plan if it is solved.
 

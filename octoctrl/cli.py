@@ -1,0 +1,388 @@
+"""The command line. Results go to standard output, progress and complaints to standard error.
+
+Exit codes: 0 well, 1 verdict failed, 2 bad input, 3 no plan, 4 plant unstable, 130 interrupted.
+"""
+
+import json
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from octoctrl import __version__
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+
+from . import tasks as registry
+from .progress import NullProgress
+
+OK, VERDICT_FAILED, BAD_INPUT, NO_PLAN, UNSTABLE, INTERRUPTED = 0, 1, 2, 3, 4, 130
+
+app = typer.Typer(
+    help="Plan the muscle activations of a soft arm in the language of topology, and verify them on a Cosserat simulator.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+
+Overwrite = Annotated[bool, typer.Option("-f", "--force", help="Replace files that exist.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Show no progress.")]
+Settings = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change the task: task.phases.store.duration=1.2")]
+TimeLimit = Annotated[float | None, typer.Option("--time-limit", metavar="SECONDS", help="Wall-clock limit of planning.")]
+
+
+def main(argv=None):
+    """Run the command line.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        Arguments; those of the process if omitted.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    debug = "--debug" in arguments
+    _treat_termination_as_interrupt()
+    try:
+        code = app(args=[word for word in arguments if word != "--debug"], prog_name="octoctrl", standalone_mode=False)
+        return code if isinstance(code, int) else OK
+    except Exception as error:
+        code = _exit_code(error)
+        if debug or code is None:
+            raise
+        _complain(error)
+        return code
+    except KeyboardInterrupt:
+        _say("interrupted")
+        return INTERRUPTED
+
+
+@app.callback(invoke_without_command=True, epilog="Every command takes --debug, which shows where an error came from.")
+def _front(version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False):
+    if version:
+        print(f"octoctrl {__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def tasks(
+    name: Annotated[str | None, typer.Argument(help="One task only.")] = None,
+    show: Annotated[bool, typer.Option("--show", help="Print its task file, to be edited and fed back.")] = False,
+    as_json: AsJson = False,
+):
+    """List the tasks that come with octoctrl, or print one as a file."""
+    if show:
+        from .configuration import toml_of
+
+        if name is None:
+            raise OctoctrlError(f"--show needs the name of a task ({', '.join(registry.names())})")
+        print(toml_of(registry.load(name)), end="")
+        return
+    known = registry.descriptions()
+    if name is not None:
+        known = {name: registry.load(name).task.description}
+    if as_json:
+        _print_json(known)
+        return
+    width = max(map(len, known))
+    for task, description in known.items():
+        print(f" {task:{width}}   {description}")
+
+
+@app.command()
+def plan(
+    task: Annotated[str, typer.Argument(metavar="FILE_OR_TASK", help="A task file, or the name of a task.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PLAN.npz")],
+    settings: Settings = None,
+    time_limit: TimeLimit = None,
+    force: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+):
+    """Plan a task on the reduced model."""
+    from .store import check_target
+
+    configuration = registry.load(task, overrides=settings or ())
+    check_target(output, overwrite=force)
+    made = _plan(configuration, output, time_limit, _display(quiet))
+    _report(made, _plan_json(made), as_json)
+    return _plan_code(made)
+
+
+@app.command()
+def run(
+    plan_file: Annotated[Path, typer.Argument(metavar="PLAN.npz")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.npz")],
+    open_loop: Annotated[bool, typer.Option("--open-loop", help="Play the planned activations without feedback.")] = False,
+    feedback: Annotated[str | None, typer.Option("--feedback", metavar="NAME", help="tvlqr, or open-loop.")] = None,
+    force: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+):
+    """Carry out a plan on the plant; the file is kept up to date while the run goes on."""
+    from .configuration import check_feedback, parse
+    from .store import check_target, load, read_header
+
+    if open_loop and feedback not in (None, "open-loop"):
+        raise OctoctrlError(f"--open-loop and --feedback {feedback} contradict each other; give one of them")
+    loaded, origin = load(plan_file, expect="Plan"), read_header(plan_file)["origin"]
+    if feedback is None:
+        written = origin.get("configuration")
+        feedback = "open-loop" if open_loop else parse(written).run.feedback if written else "tvlqr"
+    check_feedback(feedback)
+    check_target(output, overwrite=force)
+    execution = _run(loaded, feedback, output, force, origin, _display(quiet))
+    _report(execution, _run_json(execution), as_json)
+    return _run_code(execution, output)
+
+
+@app.command()
+def verify(run_file: Annotated[Path, typer.Argument(metavar="RUN.npz")], as_json: AsJson = False):
+    """Check a run against its plan and its task."""
+    from .store import load
+    from .verification import verify as check
+
+    verdict = check(load(run_file, expect="Execution"))
+    _report(verdict, _verdict_json(verdict), as_json)
+    return OK if verdict.passed else VERDICT_FAILED
+
+
+@app.command()
+def compare(
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.npz")],
+    picture: Annotated[Path | None, typer.Option("--plot", metavar="PICTURE", help="Draw the traces: .png, .pdf or .svg.")] = None,
+    overlap: Annotated[bool, typer.Option("--overlap", help="Compare a run that was cut short as far as it goes.")] = False,
+    force: Overwrite = False,
+    as_json: AsJson = False,
+):
+    """Compare planned and simulated link, writhe and twist."""
+    from .comparison import compare as align
+    from .store import load
+
+    execution = load(run_file, expect="Execution")
+    comparison = align(execution, overlap=overlap)
+    if picture is not None:
+        from .plots import plot
+
+        plot(execution, picture, overwrite=force, overlap=overlap)
+        _say(f"wrote {picture}")
+    _report(comparison, {"errors": comparison.summary(), "level_times": comparison.delays}, as_json)
+
+
+@app.command()
+def identify(
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="MODEL.npz")] = None,
+    task: Annotated[str, typer.Option("--task", metavar="FILE_OR_TASK", help="Where arm and scene are taken from.")] = "coil",
+    settings: Settings = None,
+    force: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+):
+    """Fit the reduced model of an arm to a handful of runs of the plant."""
+    from .store import check_target
+
+    configuration = registry.load(task, overrides=settings or ())
+    if output is not None:
+        check_target(output, overwrite=force)
+    from .identifying import identify as fit
+
+    model = fit(configuration.arm, configuration.scene, path=output, progress=_display(quiet))
+    _report(model, {"model": str(model)}, as_json)
+
+
+@app.command()
+def warmup(quiet: Quiet = False):
+    """Compile the plant once, so that later runs start at once."""
+    from octoctrl.sim import plant
+
+    display = _display(quiet)
+    try:
+        plant.warmup(display)
+    finally:
+        display.stop()
+    print(" the plant is compiled")
+
+
+@app.command()
+def demo(
+    task: Annotated[str, typer.Argument(metavar="TASK", help="Name of a task, or a task file.")] = "coil",
+    folder: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER")] = Path("."),
+    settings: Settings = None,
+    time_limit: TimeLimit = None,
+    force: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+):
+    """Plan a task, carry it out in closed loop, verify it, and draw planned against simulated."""
+    from .store import check_target
+
+    configuration = registry.load(task, overrides=settings or ())
+    folder.mkdir(parents=True, exist_ok=True)
+    plan_file, run_file, picture = folder / "plan.npz", folder / "run.npz", folder / "traces.png"
+    for path in (plan_file, run_file):
+        check_target(path, overwrite=force)
+    check_target(picture, overwrite=force, suffixes=(".png",))
+    display = _display(quiet)
+    made = _plan(configuration, plan_file, time_limit, display)
+    if not as_json:
+        print(f"{made}\n")
+    if _plan_code(made):
+        return _plan_code(made)
+    from octoctrl.sim import plant
+
+    plant.warmup(display)
+    execution = _run(made, configuration.run.feedback, run_file, force, _origin(configuration), display)
+    if not as_json:
+        print(f"{execution}\n")
+    if _run_code(execution, run_file):
+        return _run_code(execution, run_file)
+    from .plots import plot
+    from .verification import verify as check
+
+    verdict = check(execution)
+    plot(execution, picture, overwrite=True)
+    _report(verdict, {"plan": _plan_json(made), "run": _run_json(execution), "verdict": _verdict_json(verdict)}, as_json)
+    _say(f"wrote {plan_file}, {run_file} and {picture}")
+    return OK if verdict.passed else VERDICT_FAILED
+
+
+# ---------------------------------------------------------------- the work
+
+
+def _plan(configuration, output, time_limit, display):
+    from .planning import plan as make
+    from .store import save
+
+    try:
+        made = make(configuration, time_limit=time_limit, progress=display)
+    finally:
+        display.stop()
+    save(output, made, overwrite=True, origin=_origin(configuration))
+    return made
+
+
+def _run(loaded, feedback, output, force, origin, display):
+    from .execution import execute
+    from .store import RunWriter
+
+    writer = RunWriter(output, overwrite=force, origin=origin)
+    try:
+        execution = execute(loaded, feedback=feedback, progress=display, checkpoint=writer)
+    finally:
+        display.stop()
+    writer.close(execution)
+    return execution
+
+
+def _origin(configuration):
+    from .configuration import toml_of
+
+    return {"configuration": toml_of(configuration)}
+
+
+# ---------------------------------------------------------------- saying it
+
+
+def _plan_json(made):
+    return {
+        "status": made.status.name.lower(),
+        "message": made.status.value,
+        "duration": made.schedule.duration,
+        "phase_begins": made.phase_begins,
+        "statistics": made.statistics,
+    }
+
+
+def _run_json(execution):
+    return {
+        "status": execution.status.name.lower(),
+        "message": execution.status.value,
+        "feedback": execution.feedback,
+        "duration": float(execution.recording.time[-1]),
+        "events": [{"phase": e.phase, "planned": e.planned, "actual": e.actual, "met": e.met} for e in execution.events],
+        "statistics": execution.statistics,
+    }
+
+
+def _verdict_json(verdict):
+    checks = [
+        {"name": c.name, "value": c.value, "limit": c.limit, "margin": c.margin, "unit": c.unit, "pass": c.passed} for c in verdict.checks
+    ]
+    return {"status": verdict.status, "checks": checks}
+
+
+def _plan_code(made):
+    return OK if made.status.name == "SOLVED" else NO_PLAN
+
+
+def _run_code(execution, output):
+    code = {"FINISHED": OK, "INTERRUPTED": INTERRUPTED, "UNSTABLE": UNSTABLE}[execution.status.name]
+    if code == INTERRUPTED:
+        _say(f"interrupted at {execution.recording.time[-1]:.2f} s; {output} holds everything up to there")
+    return code
+
+
+def _report(item, content, as_json):
+    if as_json:
+        _print_json(content)
+    else:
+        print(item)
+
+
+def _print_json(content):
+    from .console import plain
+
+    print(json.dumps(plain(content), indent=2))
+
+
+def _say(text):
+    print(text, file=sys.stderr)
+
+
+def _display(quiet):
+    if quiet:
+        return NullProgress()
+    from .console import RichProgress
+
+    return RichProgress()
+
+
+def _complain(error):
+    text = error.format_message() if hasattr(error, "format_message") else str(error)
+    _say(f"octoctrl: {text}")
+
+
+def _exit_code(error):
+    """Exit code of an error that is the user's business; None for a fault of ours, which shows its traceback."""
+    if isinstance(error, OctoctrlError):
+        return BAD_INPUT
+    if isinstance(error, PlantUnstableError):
+        return UNSTABLE
+    # Depending on its version, typer brings these classes along or takes them from click.
+    return {"ClickException": BAD_INPUT, "Abort": INTERRUPTED}.get(
+        next((c.__name__ for c in type(error).__mro__ if c.__name__ in _CLICK), "")
+    )
+
+
+_CLICK = ("ClickException", "Abort")
+
+
+def _treat_termination_as_interrupt():
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    try:
+        signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not the main thread: whoever owns the process decides
+        return
+
+
+if __name__ == "__main__":
+    sys.exit(main())
