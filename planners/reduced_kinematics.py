@@ -1,0 +1,120 @@
+"""Kinematics of the reduced model: from section strains to frames, points and topology, and back.
+
+Strains (k1, k2, k3, e) are continuous along the arm: values at the section centres, linear in between, constant outside. Between two
+stations they are replaced by their mean, and the frame is turned by the exact exponential of it; d/ds d_j = k x d_j with k in the
+material frame, so that the frame with columns d1, d2, d3 obeys R' = R [k]x. Arrays of frames hold d1, d2, d3 as rows, as the plant's do.
+
+The arm starts at the origin with d1 = +z, d2 = +x, d3 = +y. The stations of a plant of n elements are the base, the n element centres
+and the tip, so the curvature of the whole interval [0, L] is counted, half elements at the ends included.
+"""
+
+import numpy as np
+
+BASE_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Rows d1, d2, d3 at the base."""
+
+
+def hat_values(stations, length, sections):
+    """Value of every section's hat function at the arclengths `stations`, (m, S)."""
+    position = np.clip(np.asarray(stations, dtype=float) / length * sections - 0.5, 0.0, sections - 1.0)
+    return np.maximum(1.0 - np.abs(position[:, None] - np.arange(sections)), 0.0)
+
+
+def hat_means(edges, length, sections):
+    """Mean of every section's hat function over the cells bounded by `edges` (m), (len(edges) - 1, S); rows sum to one."""
+    edges = np.asarray(edges, dtype=float)
+    centres = (np.arange(sections) + 0.5) * length / sections
+    breaks = np.unique(np.concatenate([edges, centres[(centres > edges[0]) & (centres < edges[-1])]]))
+    pieces = hat_values((breaks[1:] + breaks[:-1]) / 2, length, sections) * np.diff(breaks)[:, None]
+    integral = np.concatenate([np.zeros((1, sections)), np.cumsum(pieces, axis=0)])[np.searchsorted(breaks, edges)]
+    return np.diff(integral, axis=0) / np.diff(edges)[:, None]
+
+
+def plant_stations(length, elements):
+    """Stations of a plant of `elements` elements: base, element centres, tip, (elements + 2,), m."""
+    return np.concatenate([[0.0], (np.arange(elements) + 0.5) * length / elements, [length]])
+
+
+def rotations(vectors):
+    """Rotation matrices exp([v]x), (..., 3, 3), of rotation vectors (..., 3), rad."""
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    cross = np.zeros((*vectors.shape[:-1], 3, 3))
+    cross[..., 2, 1], cross[..., 0, 2], cross[..., 1, 0] = (vectors[..., axis] for axis in range(3))
+    cross = cross - np.swapaxes(cross, -1, -2)
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
+
+
+def rotation_vectors(matrices):
+    """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3) that turn by less than half a turn."""
+    skew = 0.5 * (matrices - np.swapaxes(matrices, -1, -2))
+    axial = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
+    angle = np.arctan2(np.linalg.norm(axial, axis=-1), 0.5 * (np.trace(matrices, axis1=-2, axis2=-1) - 1))
+    return axial / np.sinc(angle / np.pi)[..., None]
+
+
+def integrate_frames(strains, stations, length):
+    """Frames at the stations.
+
+    Parameters
+    ----------
+    strains : (..., S, 4) float64
+        Section strains, 1/m and stretch.
+    stations : (m,) float64, m
+        Increasing arclengths; the first has the base frame.
+    length : float, m
+        Rest length of the arm.
+
+    Returns
+    -------
+    (..., m, 3, 3) float64
+        Rows d1, d2, d3.
+    """
+    strains = np.asarray(strains, dtype=float)
+    means = hat_means(stations, length, strains.shape[-2]) * np.diff(stations)[:, None]
+    steps = np.swapaxes(rotations(means @ strains[..., :3]), -1, -2)
+    frames = np.empty((*strains.shape[:-2], len(stations), 3, 3))
+    frames[..., 0, :, :] = BASE_FRAME
+    for index in range(len(stations) - 1):
+        frames[..., index + 1, :, :] = steps[..., index, :, :] @ frames[..., index, :, :]
+    return frames
+
+
+def node_points(strains, frames, length):
+    """Node positions (..., n + 1, 3), m, from strains and the frames (..., n + 2, 3, 3) at the stations of a plant of n elements."""
+    elements = frames.shape[-3] - 2
+    stretch = hat_means(np.linspace(0.0, length, elements + 1), length, np.shape(strains)[-2]) @ np.asarray(strains)[..., 3:]
+    steps = frames[..., 1:-1, 2, :] * stretch * (length / elements)
+    points = np.zeros((*steps.shape[:-2], elements + 1, 3))
+    np.cumsum(steps, axis=-2, out=points[..., 1:, :])
+    return points
+
+
+class StrainFit:
+    """Least-squares map from measured frames and element stretches to section strains; built once for given stations.
+
+    Not the local strains are fitted but what they add up to: the running sums of the rotation vectors between neighbouring stations,
+    and of the stretch. So the sharp curvature of the thin tip does not outweigh the directions of the tangents.
+
+    Parameters
+    ----------
+    stations : (m,) float64, m
+    length : float, m
+    sections : int
+    elements : int
+        Number of elements whose stretch is measured.
+    """
+
+    def __init__(self, stations, length, sections, elements):
+        stations = np.asarray(stations, dtype=float)
+        widths = np.diff(stations)
+        self.rotation_map = np.linalg.pinv(np.cumsum(hat_means(stations, length, sections) * widths[:, None], axis=0))
+        edges = np.linspace(0.0, length, elements + 1)
+        self.stretch_map = np.linalg.pinv(np.cumsum(hat_means(edges, length, sections), axis=0))
+
+    def __call__(self, frames, stretch):
+        """Section strains (..., S, 4) of frames (..., m, 3, 3) and stretches (..., n)."""
+        frames = np.asarray(frames, dtype=float)
+        turns = rotation_vectors(frames[..., :-1, :, :] @ np.swapaxes(frames[..., 1:, :, :], -1, -2))
+        curvatures = self.rotation_map @ np.cumsum(turns, axis=-2)
+        stretches = self.stretch_map @ np.cumsum(np.asarray(stretch, dtype=float), axis=-1)[..., None]
+        return np.concatenate([curvatures, stretches], axis=-1)
