@@ -52,6 +52,8 @@ def main(argv=None):
     _treat_termination_as_interrupt()
     try:
         code = app(args=[word for word in arguments if word != "--debug"], prog_name="octoctrl", standalone_mode=False)
+        if code == INTERRUPTED:
+            _say("interrupted")
         return code if isinstance(code, int) else OK
     except Exception as error:
         code = _exit_code(error)
@@ -325,7 +327,7 @@ def _plan_code(made):
 def _run_code(execution, output):
     code = {"FINISHED": OK, "INTERRUPTED": INTERRUPTED, "UNSTABLE": UNSTABLE}[execution.status.name]
     if code == INTERRUPTED:
-        _say(f"interrupted at {execution.recording.time[-1]:.2f} s; {output} holds everything up to there")
+        _say(f"stopped at {execution.recording.time[-1]:.2f} s; {output} holds everything up to there")
     return code
 
 

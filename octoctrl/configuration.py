@@ -224,10 +224,11 @@ class _Source:
                 return f"{self.name}:{self.lines[path[:length]]} {dotted}"
         return f"{self.name} {dotted}"
 
-    def culprit(self, path, word):
+    def culprit(self, path, complaint):
         """The key under `path` that a complaint about the whole table is about, as far as one can tell."""
         overridden = [key for key in self.overridden if key[: len(path)] == path]
-        named = [key for key in [*overridden, *self.lines] if key == (*path, word)]
+        keys = {*overridden, *self.lines}
+        named = [(*path, word) for word in re.findall(r"\w+", complaint) if (*path, word) in keys]
         return [*named, *overridden, path][0]
 
 
@@ -409,7 +410,7 @@ def _translate(error, data, source, base=()):
             value = value[step]
         text = f"expected {_WORDS.get(wrong[1], wrong[1])}, found {_found(value)}"
     elif path not in ((), ("task",)):
-        path = source.culprit(path, re.match(r"\w*", text)[0])
+        path = source.culprit(path, text)
     return f"{source.where(path)}: {text}"
 
 

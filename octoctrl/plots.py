@@ -45,17 +45,15 @@ def plot(execution, path=None, *, overwrite=False, overlap=False, snapshots=5):
     comparison = compare(execution, overlap=overlap)
     figure = Figure(figsize=(8.0, 10.2), layout="constrained")
     FigureCanvasAgg(figure)
-    times = _snapshot_times(execution, snapshots)
-    rows = figure.subfigures(3, 1, height_ratios=(5.6, 2.4, 2.4))
-    upper = rows[0].subplots(3, 1, sharex=True)
-    _draw_traces(upper, comparison)
-    timeline = rows[1].subplots(1, 1)
-    _draw_activations(timeline, execution)
-    for axes in (*upper, timeline):
-        _mark_phases(axes, execution, names=axes is upper[0])
-        axes.set_xlim(0.0, comparison.time[-1])
-    timeline.set_xlabel("time [s]")
-    _draw_snapshots(rows[2], execution, times)
+    upper, lower = figure.subfigures(2, 1, height_ratios=(3.6, 1.0))
+    panels = upper.subplots(4, 1, sharex=True, height_ratios=(1, 1, 1, 0.9))
+    _draw_traces(panels[:3], comparison)
+    _draw_activations(panels[3], execution)
+    for axes in panels:
+        _mark_phases(axes, execution, names=axes is panels[0])
+    panels[3].set_xlim(0.0, comparison.time[-1])
+    panels[3].set_xlabel("time [s]")
+    _draw_snapshots(lower, execution, _snapshot_times(execution, snapshots))
     if path is not None:
         figure.savefig(path, dpi=160)
     return figure
@@ -74,7 +72,7 @@ def _draw_traces(panels, comparison):
             axes.plot(time, raw, color="0.6", lw=1.0, zorder=0, label="simulated, with the jumps at self-crossings")
         axes.axhline(0.0, color="0.85", lw=0.6, zorder=-1)
         axes.set_ylabel(f"{label} [turns]")
-        axes.set_title(f"rms error {error:.3f} turns", loc="right", fontsize=8, color="0.35")
+        axes.text(0.995, 0.5, f"rms error\n{error:.3f} turns", transform=axes.transAxes, ha="right", va="center", fontsize=7, color="0.35")
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(labelsize=8)
     panels[1].legend(fontsize=7, frameon=False, loc="best")
@@ -86,7 +84,7 @@ def _draw_activations(axes, execution):
     names = [drive.name for drive in execution.plan.task.drives]
     activation_rows = list(schedule.primitives)
     labels = names if len(names) == len(activation_rows) else [type(primitive).__name__ for primitive in activation_rows]
-    edges = np.array([0.0, execution.plan.arm.length])
+    edges, said = np.array([0.0, execution.plan.arm.length]), []
     for row, primitive in enumerate(activation_rows):
         groups = tuple(dict.fromkeys(group for template in primitive.templates() for group in template.groups))
         index = [MUSCLE_GROUPS.index(group) for group in groups]
@@ -101,8 +99,8 @@ def _draw_activations(axes, execution):
         )
         axes.plot(recording.time, base + 0.85 * applied / max(planned.max(), applied.max(), 1e-9), color=colour, lw=1.3)
         what = "LM" if set(groups) <= set(LONGITUDINAL_GROUPS) else "/".join(groups)
-        axes.text(1.005, base + 0.3, f"{what}\npeak {applied.max():.2f}", transform=axes.get_yaxis_transform(), fontsize=7, va="center")
-    axes.set_yticks([0.3 - row for row in range(len(labels))], labels, fontsize=8)
+        said.append(f"{labels[row]}\n{what}, peak {applied.max():.2f}")
+    axes.set_yticks([0.3 - row for row in range(len(labels))], said, fontsize=7)
     axes.tick_params(axis="y", length=0)
     axes.tick_params(axis="x", labelsize=8)
     axes.set_title("activation: planned (filled), applied (line)", loc="left", fontsize=9)
@@ -135,21 +133,20 @@ def _draw_snapshots(figure, execution, times):
     recording = execution.recording
     planned = planned_points(execution.plan, np.array(times))
     shapes = [recording.points[int(np.argmin(np.abs(recording.time - time)))] for time in times]
-    everything = np.concatenate([*shapes, *([] if planned is None else planned)]) * 1e3
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    half = max((high - low).max() / 2, 1.0)
     panels = figure.subplots(1, len(times), subplot_kw={"projection": "3d"})
     for column, axes in enumerate(np.atleast_1d(panels)):
         x, y, z = shapes[column].T * 1e3
-        if planned is not None:
-            axes.plot(*(planned[column].T * 1e3)[[0, 2, 1]], color="0.55", lw=1.0, ls="--")
-        widths = np.linspace(4.0, 1.0, len(x) - 1)
-        for index, width in enumerate(widths):
+        for index, width in enumerate(np.linspace(4.5, 1.0, len(x) - 1)):
             axes.plot(x[index : index + 2], z[index : index + 2], y[index : index + 2], color="#0072B2", lw=width, solid_capstyle="round")
-        middle = (low + high) / 2
-        axes.set_xlim(middle[0] - half, middle[0] + half)
-        axes.set_ylim(middle[2] - half, middle[2] + half)
-        axes.set_zlim(middle[1] - half, middle[1] + half)
-        axes.set_box_aspect((1, 1, 1), zoom=1.35)
+        if planned is not None:
+            axes.plot(*(planned[column].T * 1e3)[[0, 2, 1]], color="#000000", lw=0.8, ls=(0, (4, 2)), zorder=10)
+        low, high = (np.array([getattr(values, side)() for values in (x, z, y)]) for side in ("min", "max"))
+        middle, half = (low + high) / 2, 1.15 * max((high - low).max() / 2, 15.0)
+        for number, set_limits in enumerate((axes.set_xlim, axes.set_ylim, axes.set_zlim)):
+            set_limits(middle[number] - half, middle[number] + half)
+        floor = middle[2] - half
+        axes.plot([middle[0] - 10, middle[0] + 10], [middle[1]] * 2, [floor] * 2, color="0.3", lw=1.5)
+        axes.text(middle[0], middle[1], floor - 0.12 * half, "20 mm", fontsize=6, color="0.3", ha="center", va="top")
+        axes.set_box_aspect((1, 1, 1), zoom=1.3)
         axes.set_axis_off()
         axes.set_title(f"{times[column]:.2f} s", fontsize=8)

@@ -134,7 +134,9 @@ def load(path, *, expect=None):
     path, header, arrays = _open(path)
     if expect is not None and header["content"] != expect:
         advice = {"Plan": "make one with: octoctrl plan", "Execution": "make one with: octoctrl run"}.get(expect, "")
-        raise OctoctrlError(f"{path} holds a {header['content']}, not a {expect}{'; ' + advice if advice else ''}")
+        names = {"Plan": "a plan", "Execution": "a run"}
+        held, wanted = (names.get(name, f"'{name}'") for name in (header["content"], expect))
+        raise OctoctrlError(f"{path} holds {held}, not {wanted}{'; ' + advice if advice else ''}")
     return _decode(header["object"], arrays)
 
 

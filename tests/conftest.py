@@ -1,0 +1,92 @@
+"""Shared objects: a coil plan made by hand, and an execution that follows it with small errors."""
+
+import numpy as np
+import pytest
+
+
+def pytest_configure(config):
+    try:
+        import octoctrl.sim
+    except ImportError:
+        pytest.exit("octoctrl is not installed; run: pip install -e '.[test]'", returncode=4)
+    assert octoctrl.sim
+
+
+DURATION, SECTIONS = 3.0, 8
+BEGINS = {"store": 0.0, "open": 0.6, "spiral": 1.2, "cross": 1.8, "telescope": 2.4}
+
+
+def coil_strains(time, bend=1.0, twist=1.0):
+    """Strains that store twist, curl, and let the twist go: (T, S, 4)."""
+    rise = np.clip(time / 0.6, 0.0, 1.0) - np.clip((time - 1.2) / 1.0, 0.0, 1.0)
+    curl = np.clip((time - 0.6) / 1.2, 0.0, 1.0)
+    strains = np.zeros((len(time), SECTIONS, 4))
+    strains[..., 0] = -60.0 * bend * curl[:, None]
+    strains[..., 2] = -2 * np.pi / 0.2 * twist * rise[:, None]
+    strains[..., 3] = 1.0 - 0.05 * curl[:, None]
+    return strains
+
+
+def coil_motion(arm, strains):
+    from octoctrl.planners.reduced_kinematics import integrate_frames, node_points, plant_stations
+
+    stations = plant_stations(arm.length, arm.elements)
+    frames = integrate_frames(strains, stations, arm.length)
+    return stations, frames, node_points(strains, frames, arm.length)
+
+
+@pytest.fixture(scope="session")
+def coil_plan():
+    from octoctrl import tasks
+    from octoctrl.planners.plan import Plan, PlanStatus
+    from octoctrl.planners.schedule import Schedule
+    from octoctrl.sim.topology import measure
+
+    configuration = tasks.load("coil")
+    task, arm = configuration.task, configuration.arm
+    time = np.linspace(0.0, DURATION, 61)
+    strains = coil_strains(time)
+    _, frames, points = coil_motion(arm, strains)
+    return Plan(
+        task=task,
+        arm=arm,
+        scene=configuration.scene,
+        schedule=Schedule(primitives=tuple(drive.at(BEGINS, {}) for drive in task.drives), duration=DURATION),
+        phase_begins=dict(BEGINS),
+        time=time,
+        strains=strains,
+        trace=measure(time, points, frames, task.convention),
+        status=PlanStatus.SOLVED,
+        statistics={"solve_time": 0.25, "iterations": np.int64(12), "largest_violation": 0.0, "bound": np.inf, "note": None},
+    )
+
+
+def coil_execution(plan, *, bend=1.0, twist=1.0, until=DURATION, **changes):
+    from octoctrl.results import Event, Execution
+    from octoctrl.sim.recording import Recording
+    from octoctrl.sim.topology import measure
+
+    time = np.linspace(0.0, until, round(until / 0.025) + 1)
+    strains = coil_strains(time, bend, twist)
+    stations, frames, points = coil_motion(plan.arm, strains)
+    edges = np.linspace(0.0, plan.arm.length, plan.arm.elements + 1)
+    recording = Recording(
+        time=time,
+        points=points,
+        frames=frames,
+        stations=stations,
+        stretch=np.repeat(strains[:, :1, 3], plan.arm.elements, axis=1),
+        levels=plan.schedule.activation().levels(time, edges),
+        energy={"kinetic": np.zeros(len(time))},
+        complete=until == DURATION,
+    )
+    ends = [*list(BEGINS.values())[1:], DURATION]
+    events = tuple(Event(phase=name, planned=end, actual=end, met=True) for name, end in zip(BEGINS, ends, strict=True) if end <= until)
+    trace = measure(time, points, frames, plan.task.convention)
+    made = {"plan": plan, "recording": recording, "trace": trace, "planned": plan.trace.at(time), "feedback": "tvlqr", "events": events}
+    return Execution(**(made | {"statistics": {"wall_time": 1.5}} | changes))
+
+
+@pytest.fixture(scope="session")
+def coil_run(coil_plan):
+    return coil_execution(coil_plan, bend=1.005, twist=0.99)

@@ -1,0 +1,122 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from conftest import coil_execution
+
+from octoctrl import store, tasks
+from octoctrl.cli import main
+from octoctrl.configuration import parse
+from octoctrl.planners.plan import PlanStatus
+from octoctrl.results import ExecutionStatus
+from octoctrl.verification import Limits, verify
+
+HEAVY = ("numba", "casadi", "control", "scipy", "matplotlib")
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["tasks"], ["tasks", "coil", "--show"], ["--version"], ["plan", "--help"], ["plan", "frob"]]
+)
+def test_quick_answers_import_nothing_heavy(arguments):
+    program = f"import sys\nfrom octoctrl.cli import main\nmain({arguments!r})\n"
+    program += f"print([m for m in {HEAVY!r} if m in sys.modules], file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "[]"
+
+
+def test_public_names_resolve_lazily():
+    program = "import sys, octoctrl as oc\nassert not hasattr(oc, 'frob')\noc.Arm, oc.Task, oc.tasks, oc.load, oc.verify, oc.Bend\n"
+    program += f"assert set(oc.__all__) <= set(dir(oc))\nprint([m for m in {HEAVY!r} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_tasks_lists_and_shows(capsys):
+    assert main(["tasks"]) == 0
+    assert capsys.readouterr().out.startswith(" coil ")
+    assert main(["tasks", "--json"]) == 0
+    assert set(json.loads(capsys.readouterr().out)) == set(tasks.names())
+    assert main(["tasks", "coil", "--show"]) == 0
+    assert parse(capsys.readouterr().out) == tasks.load("coil")
+
+
+@pytest.fixture
+def files(tmp_path, coil_plan, coil_run, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    store.save("plan.npz", coil_plan)
+    store.save("run.npz", coil_run)
+    return tmp_path
+
+
+def test_verify(files, capsys, coil_run):
+    code = main(["verify", "run.npz", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert code == 1 and answer["status"] == "fail"
+    by_name = {check["name"]: check for check in answer["checks"]}
+    assert {"name", "value", "limit", "margin", "pass"} <= set(by_name["writhe_rms"])
+    assert {"writhe_rms", "writhe_max", "twist_rms", "crossings", "level_time", "link_residual", "activation", "tip_rms"} <= set(by_name)
+    assert by_name["twist_rms"]["pass"] and by_name["crossings"]["value"] == 0
+    assert not by_name["telescope.twist"]["pass"]
+    assert by_name["telescope.twist"]["value"] == pytest.approx(0.9, abs=0.01)
+    assert main(["verify", "run.npz"]) == 1
+    out = capsys.readouterr().out
+    assert "VERDICT fail" in out and out.count("FAIL") == sum(not check["pass"] for check in answer["checks"])
+
+
+def test_verdict_depends_on_limits(coil_run):
+    strict = {check.name: check for check in verify(coil_run, limits=Limits(twist_rms=1e-6)).checks}
+    assert not strict["twist_rms"].passed and strict["twist_rms"].margin < 0
+
+
+def test_late_passage_and_unfinished_phases_are_seen(coil_plan):
+    early = {check.name: check for check in verify(coil_execution(coil_plan, until=1.3, status=ExecutionStatus.UNSTABLE)).checks}
+    assert early["unfinished_phases"].value == 3 and not early["unfinished_phases"].passed
+    assert early["telescope.twist"].value == float("inf")
+    half = {check.name: check for check in verify(coil_execution(coil_plan, twist=0.4)).checks}
+    assert half["level_time"].value == float("inf")
+
+
+def test_compare_writes_a_picture(files, capsys):
+    assert main(["compare", "run.npz", "--plot", "traces.png", "--json"]) == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["errors"]["twist_rms"] < 0.02
+    assert (files / "traces.png").read_bytes().startswith(b"\x89PNG") and "traces.png" in captured.err
+    assert main(["compare", "run.npz", "--plot", "traces.png"]) == 2
+    assert capsys.readouterr().err == "octoctrl: traces.png exists; use -f to replace\n"
+    assert main(["compare", "run.npz", "--plot", "traces.png", "-f"]) == 0
+
+
+def test_compare_of_a_cut_run_needs_overlap(files, capsys, coil_plan):
+    store.save("cut.npz", coil_execution(coil_plan, until=1.2, status=ExecutionStatus.UNSTABLE))
+    assert main(["compare", "cut.npz"]) == 2
+    assert main(["compare", "cut.npz", "--overlap", "--plot", "cut.svg"]) == 0
+
+
+def test_files_are_refused_for_what_they_hold(files, capsys):
+    assert main(["verify", "plan.npz"]) == 2
+    assert capsys.readouterr().err == "octoctrl: plan.npz holds a plan, not a run; make one with: octoctrl run\n"
+    assert main(["run", "run.npz", "-o", "new.npz"]) == 2
+
+
+def test_debug_shows_the_traceback(capsys):
+    with pytest.raises(ValueError, match="unknown task"):
+        main(["tasks", "coli", "--debug"])
+
+
+def test_texts_are_worth_reading(coil_plan, coil_run):
+    text = str(coil_plan)
+    assert "counter_twist" in text and PlanStatus.SOLVED.value in text and max(map(len, text.splitlines())) < 120
+    assert "telescope" in str(coil_run) and str(coil_run).splitlines()[-1].endswith("verify it.")
+
+
+def test_termination_is_treated_as_interrupt(tmp_path):
+    program = "import time\nfrom octoctrl import cli\n"
+    program += "cli.registry.descriptions = lambda: (print('up', flush=True), time.sleep(30))\nraise SystemExit(cli.main(['tasks']))"
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "up\n"
+        os.kill(process.pid, signal.SIGTERM)
+        _, err = process.communicate(timeout=20)
+    assert process.returncode == 130 and err == "interrupted\n"

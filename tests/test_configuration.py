@@ -1,0 +1,245 @@
+import itertools
+import tomllib
+from dataclasses import replace
+from math import inf, pi
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from octoctrl import tasks
+from octoctrl.configuration import Configuration, PlanSettings, RunSettings, parse, toml_of
+from octoctrl.planners.task import QUANTITIES, Drive, Goal, Phase, Task
+from octoctrl.sim.activation import WRITE_THRESHOLD
+from octoctrl.sim.arm import MUSCLE_GROUPS, Arm, LumpedSection
+from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.scene import Scene, Water
+
+words = st.text(st.characters(codec="utf-8", exclude_categories=("Cs",)), max_size=12)
+names = st.text("abcdefghij_", min_size=1, max_size=8)
+positive = st.floats(1e-3, 1e3)
+
+
+@st.composite
+def configurations(draw):
+    labels = draw(st.lists(names, min_size=1, max_size=4, unique=True))
+    goals = st.builds(Goal, quantity=st.sampled_from(QUANTITIES), value=st.floats(-5, 5), tolerance=positive)
+    phases = tuple(
+        Phase(name=label, duration=draw(st.floats(0.3, 4.0)), goals=tuple(draw(st.lists(goals, max_size=2)))) for label in labels
+    )
+    windows = st.tuples(st.floats(0, 0.1), st.one_of(st.just(inf), st.floats(0.11, 0.2)))
+    fibre = {"level": draw(st.floats(0.02, 0.75)), "window": draw(windows), "rise": draw(st.floats(0.1, 4.0))}
+    drives = (
+        Drive(name=draw(names), primitive="Twist", begins=labels[0], settings={"hand": "L-OM"} | fibre, free=("level", "rise")),
+        Drive(name=draw(names), primitive="Shorten", begins=labels[-1], ends=draw(st.sampled_from(["", *labels])), settings=fibre),
+    )
+    axis = draw(st.permutations([0.0, 0.0, 1.0]))
+    task = Task(name=draw(words), description=draw(words), phases=phases, drives=drives, effort_weight=draw(positive))
+    task = parse(toml_of(Configuration(task=task)), overrides=[f"task.convention.pole=[{', '.join(map(str, axis))}]"]).task
+    arm = Arm(lumped=LumpedSection(torsion=draw(positive)), oblique=replace(Arm().oblique, slack=draw(positive)))
+    water = draw(st.one_of(st.none(), st.builds(Water, density=positive, factor=st.floats(0, 10))))
+    return Configuration(
+        task=task,
+        arm=draw(st.sampled_from([arm, Arm(length=draw(st.floats(0.1, 4.0)), elements=draw(st.integers(8, 300)))])),
+        scene=Scene(water=water),
+        plan=PlanSettings(time_limit=draw(positive)),
+        run=RunSettings(feedback=draw(st.sampled_from(["tvlqr", "open-loop"]))),
+    )
+
+
+DRIVE = "drives=[{name='a',primitive='Shorten',begins='a'}]\n"
+SMALL = "[task]\nname = 'a'\nphases = [{ name = 'a', duration = 1.0 }]\n" + DRIVE
+
+
+@given(configurations())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_template_parses_back_to_the_same_object(configuration):
+    assert parse(toml_of(configuration)) == configuration
+
+
+def test_every_task_parses_back():
+    for name in tasks.names():
+        configuration = tasks.load(name)
+        assert parse(toml_of(configuration)) == configuration
+
+
+def test_coil_is_the_programme_of_the_source_study():
+    task = tasks.load("coil").task
+    assert [phase.name for phase in task.phases] == ["store", "open", "spiral", "cross", "telescope"]
+    assert [(goal.quantity, goal.value) for goal in task.phases[3].goals] == [("twist", 0.0), ("lifted_writhe", -2.0)]
+    assert task.convention.pole == (0.0, 0.0, 1.0)
+    assert task.drives[0].settings["window"] == (0.0, 0.1978)
+
+
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [("'900 ms'", 0.9), ("'1.5 s'", 1.5), ("2", 2.0), ("'2.5e3 ms'", 2.5), ("'.5s'", 0.5)],
+)
+def test_units_of_time(written, value):
+    assert tasks.load("coil", overrides=[f"task.phases.store.duration={written}"]).task.phases[0].duration == value
+
+
+def test_other_units():
+    changed = parse(
+        SMALL
+        + "sucker_azimuth = '45 deg'\n[arm]\nlength = '30 cm'\nbase_radius = '12 mm'\nyoungs_modulus = '10 kPa'\n"
+        + "[arm.transverse]\nmaximum_stress = '0.1 MPa'\n"
+    )
+    assert (changed.arm.length, changed.arm.base_radius, changed.arm.youngs_modulus) == (0.3, 0.012, 1e4)
+    assert changed.arm.transverse.maximum_stress == 1e5
+    assert changed.arm.transverse.active == Arm().transverse.active
+    assert changed.task.sucker_azimuth == pi / 4
+
+
+def test_goal_of_length_takes_a_unit_of_length():
+    goal = "task.phases[0].goals=[{quantity='length', value='180 mm', tolerance='4 mm'}]"
+    assert parse(SMALL, overrides=[goal]).task.phases[0].goals == (Goal(quantity="length", value=0.18, tolerance=0.004),)
+
+
+def test_overrides_address_elements_by_name_and_number():
+    by_name = tasks.load("coil", overrides=["task.drives.curl.settings.level=0.2"])
+    by_number = tasks.load("coil", overrides=["task.drives[1].settings.level=0.2"])
+    assert by_name == by_number
+    assert by_name.task.drives[1].settings["level"] == 0.2
+
+
+@given(st.text(max_size=60))
+@settings(max_examples=200, deadline=None)
+def test_any_text_is_read_or_refused_in_one_sentence(text):
+    try:
+        parse(text)
+    except OctoctrlError as error:
+        assert str(error) and "\n" not in str(error).strip()
+
+
+@given(
+    st.sampled_from(sorted(tomllib.loads(toml_of(tasks.load("coil")))["task"])),
+    st.sampled_from(["1", "'x'", "[]", "{}", "true", "[1]", "[{}]"]),
+)
+@settings(max_examples=60, deadline=None)
+def test_wrong_types_are_refused_in_one_sentence(key, value):
+    try:
+        tasks.load("coil", overrides=[f"task.{key}={value}"])
+    except OctoctrlError as error:
+        assert str(error).startswith(("--set task.", "coil.toml:")), str(error)
+
+
+# ---------------------------------------------------------------- programmes
+
+LM, OM = 0.2 / 180, 0.2 / 360
+UP, DOWN, ALL_LM = ("LM1", "LM2", "LM8"), ("LM4", "LM5", "LM6"), tuple(f"LM{number}" for number in range(1, 9))
+
+
+def base(groups, level, delay):
+    return groups, 0, 10**6, lambda t, j: (level * min(1.0, t / delay), 0.0)
+
+
+def local(groups, level, first, last, up, down, ramp):
+    def law(t, j):
+        if t <= up:
+            return 0.0, 0.0
+        if t <= down:
+            return (level * (1 + np.sin(np.pi * (t - up) / ramp - np.pi / 2)) / 2 if t - up <= ramp else level), 0.0
+        if t - down >= ramp:
+            return 0.0, 0.0
+        return level * (1 - (1 + np.sin(np.pi * (t - down) / ramp - np.pi / 2)) / 2), 0.0
+
+    return groups, first, last, law
+
+
+def wave(groups, level, end, first, last, begin, finish, tau, beta, ring=False):
+    def law(t, j):
+        if t <= begin - (0.0 if ring else 4 * tau / beta):
+            return 0.0, WRITE_THRESHOLD
+        place = j + first if ring else j
+        front, back = (np.tanh(beta * ((t - start) / tau - place)) for start in (begin, finish))
+        return level / 2 * (1 + front) - (level - end) / 2 * (1 + back), WRITE_THRESHOLD
+
+    return groups, first, last, law
+
+
+TONE = base((*ALL_LM, "TM"), 0.001, 0.01)
+R, L, TM = ("R-OM",), ("L-OM",), ("TM",)
+GRASP = [TONE, local(R, 0.2, 0, 150, 0, 8.0, 0.5), wave(DOWN, 0.3, 0.3, 0, 170, 1.0, 15, 0.02, 1)]
+
+
+def coil(side):
+    return [TONE, local(R, 0.3, 0, 356, 0, 3.0, 0.5), local(side, 0.3, 0, 178, 1.5, 220, 4.0), local(L, 0.3, 0, 356, 4.1, 120.5, 1.0)]
+
+
+RINGS = [(0.1, 0, 150, 3.1), (0.05, 150, 171, 3.1), (0.025, 171, 180, 3.05)]
+PUBLISHED = {
+    "fig2c": coil(UP),
+    "fig2e": coil(DOWN),
+    "fig3a": [
+        TONE,
+        local(UP, 0.8, 0, 90, 0, 3.1, 1.0),
+        wave(ALL_LM, 0.1, 0, 0, 170, 3.1, 13.32, 0.0055, 0.6),
+        *(wave(TM, level, 0, first, last, begin, 15, 0.0055, 0.6, ring=True) for level, first, last, begin in RINGS),
+    ],
+    "fig4a": GRASP,
+    "fig4e": GRASP,
+    "fig4f": [
+        TONE,
+        local(R, 0.2, 0, 150, 0, 4.5, 0.5),
+        local(L, 0.2, 0, 150, 6.1, 14.0, 0.5),
+        wave(DOWN, 0.3, 0.3, 0, 170, 1.0, 15, 0.02, 1),
+    ],
+    "fig4g": [TONE, local(R, 0.2, 0, 150, 0, 4.5, 0.5), wave(DOWN, 0.3, 0, 0, 170, 1.0, 6.0, 0.02, 1)],
+    "fig4i": [
+        TONE,
+        base((*R, *L), 0.001, 0.1),
+        wave(UP, 0.2, 0.2, 10, 50, 0, 1.2, 0.03, 1),
+        wave(UP, 1.0, 0, 0, 170, 0, 0.42, 0.006, 1),
+        wave(UP, 0.3, 0.3, 115, 177, 2.6, 15, 0.02, 1),
+        wave(ALL_LM, 0.25, 0, 0, 100, 4.9, 9.0, 0.01, 1),
+        local(L, 0.2, 100, 359, 0.5, 4.5, 1.0),
+    ],
+    "si9": [TONE, *(local((f"LM{m}",), 1.0, 20 * (m - 1), 20 * (m - 1) + 40, 0.8 * (m - 1), 150, 1.0) for m in range(1, 9))],
+    "si10b": [TONE, local(R, 0.2, 0, 150, 0, 8.0, 0.5), local(DOWN, 0.3, 0, 170, 1.0, 15, 2.0)],
+    "si11a": GRASP,
+}
+INJECTED = {
+    "fig3b": ([TONE, local(UP, 0.8, 0, 80, 0, 4.0, 1.0)], [TONE, wave(UP, 0.5, 0, 0, 170, 2.2, 3.0, 0.01, 1)]),
+    "fig3c": (
+        [TONE, local(UP, 0.8, 0, 80, 0, 3.0, 1.0), local(L, 0.3, 0, 160, 0, 5.0, 2.0)],
+        [TONE, wave(UP, 0.8, 0, 0, 170, 2.2, 3.0, 0.01, 1), wave(L, 0.3, 0, 0, 341, 2.2, 3.0, 0.005, 1)],
+    ),
+}
+
+
+def written(laws, group, time, element):
+    """What the laws of a rod leave in one element when they run in their order; nothing written is zero."""
+    value = 0.0
+    for groups, first, last, law in laws:
+        if group in groups and first <= element < last:
+            level, threshold = law(time, element - first)
+            value = level if level > threshold else value
+    return value
+
+
+def laws_at(name, time):
+    return PUBLISHED[name] if name in PUBLISHED else INJECTED[name][int(time > 3.0)]
+
+
+@pytest.mark.parametrize("name", [*PUBLISHED, *INJECTED])
+def test_programmes_are_the_published_laws(name):
+    activation, duration = tasks.programme(name)
+    # Times at which no ramp of a tone is under way, and the rings of figure 3a, whose front appears at once, have formed theirs.
+    times = np.array([t for t in np.linspace(0.137, duration - 1e-3, 23) if name not in INJECTED or not 2.95 < t < 3.0])
+    elements = {group: np.arange(360 if group.endswith("OM") else 180) for group in activation.groups}
+    for (t, time), group in itertools.product(enumerate(times), activation.groups):
+        spacing = OM if group.endswith("OM") else LM
+        centres = (elements[group] + 0.5) * spacing
+        values = activation.compose(np, group, time, centres - 1e-3 * spacing, centres + 1e-3 * spacing)
+        expected = [written(laws_at(name, time), group, time, element) for element in elements[group]]
+        np.testing.assert_allclose(values, expected, atol=2e-6, err_msg=f"{group} at {times[t]} s")
+
+
+def test_all_programmes_are_tested_and_stay_in_bounds():
+    assert set(tasks.programmes()) == {*PUBLISHED, *INJECTED}
+    for name in tasks.programmes():
+        activation, duration = tasks.programme(name)
+        levels = activation.levels(np.linspace(0, duration, 50), np.linspace(0, 0.2, 61))
+        assert levels.shape == (50, len(MUSCLE_GROUPS), 60)

@@ -1,0 +1,141 @@
+"""Bad inputs and what is said about them: a table that is also documentation."""
+
+import json
+import re
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from conftest import coil_execution
+
+import octoctrl as oc
+from octoctrl import store, tasks
+from octoctrl.cli import main
+from octoctrl.planners.schedule import primitive
+from octoctrl.results import ExecutionStatus
+from octoctrl.sim.errors import OctoctrlError
+
+TEMPLATE = """[task]
+name = "reach"
+
+[[task.phases]]
+name = "store"
+duration = 1.0
+goals = [{ quantity = "twist", value = -1.0 }]
+
+[[task.drives]]
+name = "twist"
+primitive = "Twist"
+begins = "store"
+settings = { hand = "R-OM", level = 0.3 }
+
+[arm]
+length = 0.2
+"""
+
+OBJECTS = [
+    (lambda: oc.Arm(length=20), "length=20 m is outside 0.001…5 m; lengths are SI - did you mean 0.20 (20 cm)?"),
+    (lambda: oc.Arm(elements=2), "elements=2: at least 8 are needed to carry a curvature packet (10 per packet width advised)"),
+    (lambda: oc.Arm(base_radius=0.08), "radius 0.08 m for a 0.20 m arm: rod theory wants radius/length < 0.25, found 0.40"),
+    (lambda: oc.Arm.octopus(lenght=0.2), f"Arm has no field 'lenght'; did you mean 'length'? ({', '.join(item.name for item in fields(oc.Arm))})"),
+    (lambda: oc.Phase(name="store", duration=0), "phase 'store': duration=0 s is outside 0.3…4 s"),
+    (lambda: oc.Goal(quantity="twist", value=float("nan")), "goal twist is nan; a finite number is needed"),
+    (lambda: primitive("bendwave"), "unknown primitive 'bendwave'; did you mean 'BendWave'? (Bend, BendWave, Elongate, Shorten, Twist)"),
+    (lambda: oc.Schedule(primitives=(), duration=1.0), "no primitives given; pass at least one or leave it out for the task's default (Bend, BendWave, Elongate, Shorten, Twist)"),
+    (lambda: oc.TopologyConvention(pole=(0, 0)), "pole is (0, 0); three finite numbers are needed, not all zero, for example (0, 0, 1)"),
+    (lambda: saturated().levels([0.62], np.linspace(0, 0.2, 21)), "activation of LM1 reaches 1.34 at t=0.62 s, s=0.01 m (Plateau 0.80 + Plateau 0.54); scale, shift, or pass on_saturation='clip'"),
+    (lambda: oc.Activation(composition="sum"), "unknown composition 'sum' (override, max, add)"),
+    (lambda: tasks.load("coli"), "unknown task 'coli'; did you mean 'coil'? (coil, or the path of a .toml file)"),
+    (lambda: tasks.programme("fig2f"), "unknown programme 'fig2f'; did you mean 'fig4f'? (fig2c, fig2e, fig3a, fig3b, fig3c, fig4a, fig4e, fig4f, fig4g, fig4i, si10b, si11a, si9)"),
+]  # fmt: skip
+
+
+def saturated():
+    parts = tuple(oc.Plateau(groups=("LM1",), level=level, rise=0.1) for level in (0.80, 0.54))
+    return oc.Activation(templates=parts, composition="add")
+
+
+@pytest.mark.parametrize(("call", "message"), OBJECTS, ids=range(len(OBJECTS)))
+def test_objects(call, message):
+    with pytest.raises(OctoctrlError) as caught:
+        call()
+    assert str(caught.value) == message
+
+
+FILES = [
+    ('name = "reach"', 'nme = "reach"', "reach.toml:2 task.nme: unknown key; did you mean 'name'? (known: name, description, phases, drives, convention, sucker_azimuth, time_weight, effort_weight)"),
+    ("duration = 1.0", "duration = 'fast'", "reach.toml:6 task.phases[0].duration: expected a number in seconds, found the string 'fast'"),
+    ("duration = 1.0", "duration = true", "reach.toml:6 task.phases[0].duration: expected a number in seconds, found true"),
+    ("duration = 1.0", "duration = -1", "reach.toml:6 task.phases[0].duration: phase 'store': duration=-1 s is outside 0.3…4 s"),
+    ("duration = 1.0", "", "reach.toml:4 task.phases[0]: 'duration' is missing"),
+    ('"twist", value', '"twits", value', "reach.toml:7 task.phases[0].goals[0]: unknown quantity 'twits'; did you mean 'twist'? (twist, lifted_writhe, lifted_link, length)"),
+    ("length = 0.2", "length = '8 inch'", "reach.toml:16 arm.length: unit 'inch' not known; use m, cm, mm"),
+    ("length = 0.2", "length = 20", "reach.toml:16 arm.length: length=20 m is outside 0.001…5 m; lengths are SI - did you mean 0.20 (20 cm)?"),
+    ("length = 0.2", "elements = 9.5", "reach.toml:16 arm.elements: expected a whole number, found the number 9.5"),
+    ("length = 0.2", "densities = [1, 2]", "reach.toml:16 arm.densities: expected 4 values, found 2"),
+    ('primitive = "Twist"', 'primitive = "bendwave"', "reach.toml:11 task.drives[0].primitive: unknown primitive 'bendwave'; did you mean 'BendWave'? (Bend, BendWave, Elongate, Shorten, Twist)"),
+    ("level = 0.3", "levle = 0.3", "reach.toml:13 task.drives[0].settings.levle: unknown key; did you mean 'level'? (known: hand, level, onset, rise, offset, fall, window)"),
+    ("level = 0.3", "level = 3", "reach.toml:9 task.drives[0]: level=3 is outside 0…1"),
+    ('begins = "store"', 'begins = "stor"', "reach.toml:1 task: drive 'twist': unknown phase 'stor'; did you mean 'store'? (store)"),
+    ("[arm]", "[arm", "reach.toml:15: not valid TOML: expected ']' at the end of a table declaration"),
+    ("[arm]", "[run]\nfeedback = 'tvlq'\n[arm]", "reach.toml:16 run.feedback: unknown feedback 'tvlq'; did you mean 'tvlqr'? (tvlqr, open-loop)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "message"), FILES, ids=range(len(FILES)))
+def test_task_files(tmp_path, monkeypatch, capsys, old, new, message):
+    monkeypatch.chdir(tmp_path)
+    assert TEMPLATE.count(old) == 1
+    (tmp_path / "reach.toml").write_text(TEMPLATE.replace(old, new))
+    assert main(["plan", "reach.toml", "-o", "plan.npz"]) == 2
+    captured = capsys.readouterr()
+    assert captured.err == f"octoctrl: {message}\n"
+    assert captured.out == "" and not (tmp_path / "plan.npz").exists()
+
+
+COMMANDS = [
+    (["plan", "coil", "-o", "plan.npz", "--set", "task.taget=1"], "--set task.taget: unknown key (known: name, description, phases, drives, convention, sucker_azimuth, time_weight, effort_weight)"),
+    (["plan", "coil", "-o", "plan.npz", "--set", "task.phases.stor.duration=1"], "--set task.phases: no element 'stor'; did you mean 'store'? (store, open, spiral, cross, telescope)"),
+    (["plan", "coil", "-o", "plan.npz", "--set", "arm.length"], "--set arm.length: expected key=value, for example --set task.phases.store.duration=1.2"),
+    (["plan", "coil", "-o", "plan.npz", "--set", "plan.time_limit=0"], "--set plan.time_limit: time_limit=0 s is outside > 0 s"),
+    (["plan", "none.toml", "-o", "plan.npz"], "none.toml does not exist; print a template with: octoctrl tasks coil --show > none.toml"),
+    (["plan", "coil", "-o", "plan.mat"], "unknown format '.mat'; use .npz"),
+    (["plan", "coil", "-o", "there.npz"], "there.npz exists; use -f to replace"),
+    (["plan", "coil", "-o", "no/plan.npz"], "folder no does not exist; make it first"),
+    (["run", "plan.npz", "-o", "run.npz"], "plan.npz does not exist"),
+    (["run", "coil.npz", "-o", "there.npz"], "there.npz exists; use -f to replace"),
+    (["run", "coil.npz", "-o", "run.npz", "--feedback", "mpc"], "unknown feedback 'mpc' (tvlqr, open-loop)"),
+    (["run", "coil.npz", "-o", "run.npz", "--open-loop", "--feedback", "tvlqr"], "--open-loop and --feedback tvlqr contradict each other; give one of them"),
+    (["verify", "there.npz"], "there.npz is not a file of octoctrl, or is damaged"),
+    (["verify", "new.npz"], "file has schema 3, this octoctrl reads 1: pip install -U octoctrl"),
+    (["compare", "cut.npz"], "planned trace covers 0–3.0 s, simulated 0–1.2 s (run stopped early: unstable); comparing 0–1.2 s needs overlap=True"),  # noqa: RUF001
+    (["compare", "coil.npz", "--plot", "a.bmp"], "coil.npz holds a plan, not a run; make one with: octoctrl run"),
+    (["compare", "cut.npz", "--overlap", "--plot", "a.bmp"], "unknown format '.bmp'; use .png or .pdf or .svg"),
+    (["tasks", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, or the path of a .toml file)"),
+    (["demo", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, or the path of a .toml file)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "message"), COMMANDS, ids=range(len(COMMANDS)))
+def test_commands(tmp_path, monkeypatch, capsys, coil_plan, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there.npz").write_text("not ours")
+    store.save("coil.npz", coil_plan)
+    store.save("cut.npz", coil_execution(coil_plan, until=1.2, status=ExecutionStatus.UNSTABLE))
+    np.savez("new.npz", header=np.frombuffer(json.dumps({"schema": 3}).encode(), dtype=np.uint8))
+    before = sorted(item.name for item in tmp_path.iterdir())
+    assert main(arguments) == 2
+    assert capsys.readouterr().err == f"octoctrl: {message}\n"
+    assert sorted(item.name for item in tmp_path.iterdir()) == before
+
+
+def test_plan_from_another_arm(coil_plan):
+    other = replace(coil_plan.arm, name="octopus-15cm", length=0.15)
+    pattern = r"plan was made for arm 'octopus-20cm' \(hash \w{4}\), scene has 'octopus-15cm' \(\w{4}\); re-plan or pass arm=plan.arm"
+    with pytest.raises(OctoctrlError, match=pattern):
+        coil_plan.check_arm(other)
+
+
+def test_no_message_is_longer_than_a_sentence():
+    for *_, message in [*OBJECTS, *FILES, *COMMANDS]:
+        assert "\n" not in message and not re.search(r"Error|Traceback|\$\.", message)
