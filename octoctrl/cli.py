@@ -140,6 +140,8 @@ def run(
         feedback = "open-loop" if open_loop else parse(written).run.feedback if written else "tvlqr"
     check_feedback(feedback)
     check_target(output, overwrite=force)
+    if _plan_code(loaded):
+        _say(f"the plan does not meet its goals: {loaded.status.value}")
     execution = _run(loaded, feedback, output, force, origin, _display(quiet))
     _report(execution, _run_json(execution), as_json)
     return _run_code(execution, output)

@@ -12,7 +12,7 @@ class Progress(Protocol):
         ...
 
     def advance(self, done, note=""):
-        """Say how much of the total is done, and anything worth a few words."""
+        """Say how much of the total is `done`, and in `note` anything worth a few words."""
         ...
 
     def stop(self):

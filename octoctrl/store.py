@@ -39,7 +39,7 @@ _HOMES = {
     "octoctrl.configuration": ("Configuration", "PlanSettings", "RunSettings"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
-_REGISTERED = {}
+_REGISTERED: dict[str, type] = {}
 
 
 def register(kind):

@@ -76,7 +76,9 @@ class Plan:
             numbers = [getattr(primitive, key, np.nan) for key in ("level", "onset", "rise", "offset")]
             cells = "".join(f"{number:8.2f}" if np.isfinite(number) else "       -" for number in numbers)
             lines.append(f"  {name:16}{type(primitive).__name__:11}{groups:11}{cells}")
-        lines.append(f" {self.status.value}")
+        told = [f"{key.replace('_', ' ')} {self.statistics[key]:.3g}" for key in ("wall_time", "iterations") if key in self.statistics]
+        lines += [f" planning: {', '.join(told)}"] if told else []
+        lines.append(" " + " ".join(filter(None, (self.status.value, self.statistics.get("reason", "")))))
         return "\n".join(lines)
 
     def raise_if_failed(self):

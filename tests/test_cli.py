@@ -10,7 +10,9 @@ from conftest import coil_execution
 from octoctrl import store, tasks
 from octoctrl.cli import main
 from octoctrl.configuration import parse
+from octoctrl.console import RichProgress
 from octoctrl.planners.plan import PlanStatus
+from octoctrl.progress import NullProgress, Progress
 from octoctrl.results import ExecutionStatus
 from octoctrl.verification import Limits, verify
 
@@ -120,3 +122,13 @@ def test_termination_is_treated_as_interrupt(tmp_path):
         os.kill(process.pid, signal.SIGTERM)
         _, err = process.communicate(timeout=20)
     assert process.returncode == 130 and err == "interrupted\n"
+
+
+def test_progress_is_a_line_where_there_is_no_terminal(capsys):
+    for display in (RichProgress(), NullProgress()):
+        assert isinstance(display, Progress)
+        display.start("compiling", 3)
+        display.advance(1, "rod")
+        display.stop()
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err == "compiling\n"
