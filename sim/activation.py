@@ -186,7 +186,7 @@ class Activation:
         return tuple(group for group in MUSCLE_GROUPS if group in used)
 
     def compose(self, math, group, time, lower, upper):
-        """Mean activation of `group` in the cells [lower, upper] at `time`, calculated with the module `math`; not checked for saturation."""
+        """Mean activation of `group` in the cells [lower, upper] at `time`, with the module `math`; not checked for saturation."""
         where = np.where if math is np else math.if_else
         total = 0.0 * (time + lower)
         for template in self.templates:

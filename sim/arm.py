@@ -71,6 +71,8 @@ class Arm:
         Base radius over tip radius.
     elements : int
         Elements along the arm of the one-rod model.
+    grading : float
+        Elements are as long as the local radius to this power, so that the thin tip, which curls most, is resolved as well as the base.
     straight_fraction : float
         Share of the nominal disc taken by nerve cord and longitudinal muscles.
     ring_radius : float, m
@@ -100,7 +102,8 @@ class Arm:
     length: float = 0.2
     base_radius: float = 0.012
     taper: float = 12.0
-    elements: int = 60
+    elements: int = 48
+    grading: float = 1.0
     straight_fraction: float = 0.62
     ring_radius: float = 0.2 / 360
     oblique_radius: float = 1.1322951e-3
@@ -128,6 +131,7 @@ class Arm:
                 f"elements={self.elements}: at least 8 are needed to carry a curvature packet (10 per packet width advised)"
             )
         check_number("elements", self.elements, at_most=2000)
+        check_number("grading", self.grading, at_least=0.0, at_most=1.0)
         for name in ("straight_fraction", "ring_radius", "oblique_radius", "oblique_pitch", "youngs_modulus", "shear_modulus"):
             check_number(name, getattr(self, name), above=0.0)
 
@@ -151,8 +155,21 @@ class Arm:
     @property
     def fingerprint(self):
         """Four hexadecimal digits that differ between arms that differ in any field but the name and the resolution."""
-        content = {key: value for key, value in asdict(self).items() if key not in ("name", "elements")}
+        content = {key: value for key, value in asdict(self).items() if key not in ("name", "elements", "grading")}
         return hashlib.sha256(repr(sorted(content.items())).encode()).hexdigest()[:4]
+
+    @property
+    def edges(self):
+        """Arclengths (elements + 1,) of the element boundaries, m, from base to tip."""
+        share = np.linspace(0.0, 1.0, self.elements + 1)
+        slope = 1 - 1 / self.taper
+        if slope == 0:
+            return self.length * share
+        # Lengths dL ~ (1 - slope s/L)^grading: equal steps of the integral of its inverse.
+        power = 1 - self.grading
+        if power == 0:
+            return self.length * (1 - self.taper**-share) / slope
+        return self.length * (1 - (1 - share * (1 - self.taper**-power)) ** (1 / power)) / slope
 
     def section(self, arclength):
         """Cross-section at the given arclengths.

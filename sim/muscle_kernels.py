@@ -22,6 +22,9 @@ from .compiler import kernel
 from .rod_layout import offsets
 
 ONE = np.uint64(1)
+MAJORANT = 2.0
+"""Factor on the diagonal viscosity bounds. One would be stable (the fibres couple two blocks, stretch and spin, so that the sum of the
+blocks is at least half of the whole); two is also free of sign flips from step to step."""
 
 
 class LawConstants(NamedTuple):
@@ -119,7 +122,7 @@ def fibre_kernels(stride, active):
     MEAN1, MEAN2, MEAN3 = (o[f"MEAN{i}"] for i in (1, 2, 3))
     MEANRATE1, MEANRATE2, MEANRATE3 = (o[f"MEANRATE{i}"] for i in (1, 2, 3))
     MOMENT1, MOMENT2, MOMENT3 = (o[f"MOMENT{i}"] for i in (1, 2, 3))
-    STIFF, STIFF_BEND, STIFF_TWIST = (o[k] for k in ("STIFF", "STIFF_BEND", "STIFF_TWIST"))
+    STIFF, STIFF_TURN = o["STIFF"], o["STIFF_TURN"]
     OFFSET, HELIX, LONGITUDINAL_AREA, RING_AREA = (o[k] for k in ("OFFSET", "HELIX", "LONGITUDINAL_AREA", "RING_AREA"))
     OBLIQUE_AREA, OBLIQUE_REST = o["OBLIQUE_AREA"], o["OBLIQUE_REST"]
 
@@ -157,8 +160,7 @@ def fibre_kernels(stride, active):
             b[MOMENT2 + k] += tension * l2
             b[MOMENT3 + k] += tension * l3
             b[STIFF + k] += stiff * l0 * l0
-            b[STIFF_BEND + k] += stiff * (l1 * l1 + l2 * l2)
-            b[STIFF_TWIST + k] += stiff * l3 * l3
+            b[STIFF_TURN + k] += stiff * (l1 * l1 + l2 * l2 + l3 * l3)
 
     @kernel
     def oblique(b, n, winding, nu, law, elastic):
@@ -178,7 +180,7 @@ def fibre_kernels(stride, active):
             b[TENSION + k] += tension * l0
             b[MOMENT3 + k] += tension * l3
             b[STIFF + k] += stiff * l0 * l0
-            b[STIFF_TWIST + k] += stiff * l3 * l3
+            b[STIFF_TURN + k] += stiff * l3 * l3
 
     @kernel
     def transverse(b, n, nu, law, elastic):
@@ -198,24 +200,25 @@ def section_kernels(stride):
 
     Returns
     -------
-    measure, apply, brake, relax : compiled functions
+    measure, apply, remember, brake, relax : compiled functions
         `measure` gives section strains and starts the sums with the passive nerve cord; `apply` hands tension and moments to the rod;
-        `brake` prepares the three tridiagonal systems and `relax` solves them and corrects the velocities.
+        `remember` keeps the old spins, `brake` prepares the two tridiagonal systems, `relax` solves them and corrects the velocities.
     """
     o = offsets(stride)
     T1, T2, T3, N1, N2, N3, V1, V2, V3, W1, W2, W3 = (o[f"{field}{i}"] for field in "TNVW" for i in (1, 2, 3))
-    K1, K2, K3, M1, M2, M3, P1, P2, P3 = (o[f"{field}{i}"] for field in "KMP" for i in (1, 2, 3))
-    KRATE1, KRATE2, KRATE3, TURN1, TURN2, TURN3 = (o[f"{field}{i}"] for field in ("KRATE", "TURN") for i in (1, 2, 3))
+    Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    K1, K2, K3, M1, M2, M3 = (o[f"{field}{i}"] for field in "KM" for i in (1, 2, 3))
+    KRATE1, KRATE2, KRATE3, OLD1, OLD2, OLD3 = (o[f"{field}{i}"] for field in ("KRATE", "OLD") for i in (1, 2, 3))
+    SPIN1, SPIN2, SPIN3, YIELD = o["SPIN1"], o["SPIN2"], o["SPIN3"], o["YIELD"]
     MEAN1, MEAN2, MEAN3 = (o[f"MEAN{i}"] for i in (1, 2, 3))
     MEANRATE1, MEANRATE2, MEANRATE3 = (o[f"MEANRATE{i}"] for i in (1, 2, 3))
     MOMENT1, MOMENT2, MOMENT3 = (o[f"MOMENT{i}"] for i in (1, 2, 3))
-    STIFF, STIFF_BEND, STIFF_TWIST = (o[k] for k in ("STIFF", "STIFF_BEND", "STIFF_TWIST"))
+    STIFF, STIFF_TURN = o["STIFF"], o["STIFF_TURN"]
     STRETCH, RATE, RADIUS, TENSION, LENGTH, JOINT_LENGTH = (
         o[k] for k in ("STRETCH", "RATE", "RADIUS", "TENSION", "LENGTH", "JOINT_LENGTH")
     )
-    CORD_AREA, NODE_MOBILITY = o["CORD_AREA"], o["NODE_MOBILITY"]
-    MOBILITY1, MOBILITY3 = o["MOBILITY1"], o["MOBILITY3"]
-    DIAGONAL, DIAGONAL_BEND, DIAGONAL_TWIST, COUPLING = (o[k] for k in ("DIAGONAL", "DIAGONAL_BEND", "DIAGONAL_TWIST", "COUPLING"))
+    CORD_AREA, NODE_MOBILITY, MOBILITY1 = o["CORD_AREA"], o["NODE_MOBILITY"], o["MOBILITY1"]
+    DIAGONAL, DIAGONAL_TURN, COUPLING = o["DIAGONAL"], o["DIAGONAL_TURN"], o["COUPLING"]
     IMPULSE, IMPULSE1, IMPULSE2, IMPULSE3 = (o[k] for k in ("IMPULSE", "IMPULSE1", "IMPULSE2", "IMPULSE3"))
 
     @kernel
@@ -224,6 +227,8 @@ def section_kernels(stride):
         q = n + ONE
         b[K1 + q], b[K2 + q], b[K3 + q] = b[K1 + n], b[K2 + n], b[K3 + n]
         b[KRATE1 + q], b[KRATE2 + q], b[KRATE3 + q] = b[KRATE1 + n], b[KRATE2 + n], b[KRATE3 + n]
+        q = ONE - ONE
+        b[KRATE1 + q], b[KRATE2 + q], b[KRATE3 + q] = b[KRATE1 + ONE], b[KRATE2 + ONE], b[KRATE3 + ONE]
         for k in range(ONE, n + ONE):
             q = k + ONE
             b[MEAN1 + k], b[MEANRATE1 + k] = 0.5 * (b[K1 + k] + b[K1 + q]), 0.5 * (b[KRATE1 + k] + b[KRATE1 + q])
@@ -242,69 +247,75 @@ def section_kernels(stride):
             b[MOMENT1 + k] = 0.0
             b[MOMENT2 + k] = 0.0
             b[MOMENT3 + k] = 0.0
-            b[STIFF_BEND + k] = 0.0
-            b[STIFF_TWIST + k] = 0.0
+            b[STIFF_TURN + k] = 0.0
 
     @kernel
     def apply(b, n):
-        # Element 0 is the clamp's ghost: the base joint feels the moment of the first element alone.
-        one = ONE - ONE
-        b[MOMENT1 + one], b[MOMENT2 + one], b[MOMENT3 + one] = b[MOMENT1 + ONE], b[MOMENT2 + ONE], b[MOMENT3 + ONE]
-        b[STIFF_BEND + one], b[STIFF_TWIST + one] = b[STIFF_BEND + ONE], b[STIFF_TWIST + ONE]
         for k in range(ONE, n + ONE):
-            p = k - ONE
+            p, q = k - ONE, k + ONE
             b[N1 + k] += b[TENSION + k] * b[T1 + k]
             b[N2 + k] += b[TENSION + k] * b[T2 + k]
             b[N3 + k] += b[TENSION + k] * b[T3 + k]
-            b[M1 + k] += 0.5 * (b[MOMENT1 + k] + b[MOMENT1 + p])
-            b[M2 + k] += 0.5 * (b[MOMENT2 + k] + b[MOMENT2 + p])
-            b[M3 + k] += 0.5 * (b[MOMENT3 + k] + b[MOMENT3 + p])
+            here, before = 0.5 * b[LENGTH + k] / b[JOINT_LENGTH + k], 0.5 * b[LENGTH + p] / b[JOINT_LENGTH + k]
+            # Fibres see the mean curvature of an element's two joints; its zigzag, which they miss, is braked with their own viscosity.
+            brake = 0.25 * (here * b[STIFF_TURN + k] + before * b[STIFF_TURN + p])
+            zigzag1 = brake * (2 * b[KRATE1 + k] - b[KRATE1 + p] - b[KRATE1 + q])
+            zigzag2 = brake * (2 * b[KRATE2 + k] - b[KRATE2 + p] - b[KRATE2 + q])
+            zigzag3 = brake * (2 * b[KRATE3 + k] - b[KRATE3 + p] - b[KRATE3 + q])
+            b[M1 + k] += here * b[MOMENT1 + k] + before * b[MOMENT1 + p] + zigzag1
+            b[M2 + k] += here * b[MOMENT2 + k] + before * b[MOMENT2 + p] + zigzag2
+            b[M3 + k] += here * b[MOMENT3 + k] + before * b[MOMENT3 + p] + zigzag3
+
+    @kernel
+    def remember(b, n):
+        for k in range(ONE, n + ONE):
+            b[OLD1 + k], b[OLD2 + k], b[OLD3 + k] = b[W1 + k], b[W2 + k], b[W3 + k]
 
     @kernel
     def brake(b, n):
         for k in range(ONE, n + ONE):
-            stretch = b[STRETCH + k]
-            b[P1 + k], b[P3 + k] = stretch * b[MOBILITY1 + k], stretch * b[MOBILITY3 + k]
+            b[YIELD + k] = b[STRETCH + k] * b[MOBILITY1 + k]
+            w1, w2, w3 = b[W1 + k] - b[OLD1 + k], b[W2 + k] - b[OLD2 + k], b[W3 + k] - b[OLD3 + k]
+            b[SPIN1 + k] = b[Q11 + k] * w1 + b[Q21 + k] * w2 + b[Q31 + k] * w3
+            b[SPIN2 + k] = b[Q12 + k] * w1 + b[Q22 + k] * w2 + b[Q32 + k] * w3
+            b[SPIN3 + k] = b[Q13 + k] * w1 + b[Q23 + k] * w2 + b[Q33 + k] * w3
         for k in range(ONE, n + ONE):
             p, q = k - ONE, k + ONE
-            length, joint = b[LENGTH + k], b[JOINT_LENGTH + k]
-            b[DIAGONAL + k] = length / b[STIFF + k] + b[NODE_MOBILITY + k] + b[NODE_MOBILITY + q]
+            length = b[LENGTH + k]
+            b[DIAGONAL + k] = length / (MAJORANT * b[STIFF + k]) + b[NODE_MOBILITY + k] + b[NODE_MOBILITY + q]
             b[COUPLING + k] = -b[NODE_MOBILITY + q] * (b[T1 + k] * b[T1 + q] + b[T2 + k] * b[T2 + q] + b[T3 + k] * b[T3 + q])
             along = (
                 b[T1 + k] * (b[V1 + q] - b[V1 + k]) + b[T2 + k] * (b[V2 + q] - b[V2 + k]) + b[T3 + k] * (b[V3 + q] - b[V3 + k])
             )  # fmt: skip
             b[IMPULSE + k] = along - b[RATE + k] * length
-            b[DIAGONAL_BEND + k] = 2 * joint / (b[STIFF_BEND + k] + b[STIFF_BEND + p]) + b[P1 + k] + b[P1 + p]
-            b[DIAGONAL_TWIST + k] = 2 * joint / (b[STIFF_TWIST + k] + b[STIFF_TWIST + p]) + b[P3 + k] + b[P3 + p]
-            b[IMPULSE1 + k] = b[W1 + k] - b[W1 + p] - b[TURN1 + k]
-            b[IMPULSE2 + k] = b[W2 + k] - b[W2 + p] - b[TURN2 + k]
-            b[IMPULSE3 + k] = b[W3 + k] - b[W3 + p] - b[TURN3 + k]
+            joint = b[JOINT_LENGTH + k]
+            turn = 0.5 * MAJORANT * (length * b[STIFF_TURN + k] + b[LENGTH + p] * b[STIFF_TURN + p])
+            b[DIAGONAL_TURN + k] = joint * joint / turn + b[YIELD + k] + b[YIELD + p]
+            b[IMPULSE1 + k] = b[SPIN1 + k] - b[SPIN1 + p]
+            b[IMPULSE2 + k] = b[SPIN2 + k] - b[SPIN2 + p]
+            b[IMPULSE3 + k] = b[SPIN3 + k] - b[SPIN3 + p]
 
     @kernel
     def relax(b, n):
-        # Symmetric tridiagonal systems, off-diagonal to the next: COUPLING, -P1 of the element between two joints, -P3 likewise.
-        stretch_scale, bend_scale, twist_scale = 0.0, 0.0, 0.0
-        f, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0
+        # Symmetric tridiagonal systems; the off-diagonals to the next unknown are COUPLING, and -YIELD of the element between two joints.
+        scale, turn_scale, f, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(ONE, n + ONE):
             p = k - ONE
-            coupling, bend, twist = b[COUPLING + p], -b[P1 + p], -b[P3 + p]
-            f = b[IMPULSE + k] - coupling * f
-            f1 = b[IMPULSE1 + k] - bend * f1
-            f2 = b[IMPULSE2 + k] - bend * f2
-            f3 = b[IMPULSE3 + k] - twist * f3
-            stretch_scale = 1 / (b[DIAGONAL + k] - coupling * coupling * stretch_scale)
-            bend_scale = 1 / (b[DIAGONAL_BEND + k] - bend * bend * bend_scale)
-            twist_scale = 1 / (b[DIAGONAL_TWIST + k] - twist * twist * twist_scale)
-            f, f1, f2, f3 = f * stretch_scale, f1 * bend_scale, f2 * bend_scale, f3 * twist_scale
-            b[DIAGONAL + k], b[DIAGONAL_BEND + k], b[DIAGONAL_TWIST + k] = stretch_scale, bend_scale, twist_scale
+            coupling, turn = b[COUPLING + p], -b[YIELD + p]
+            scale = 1 / (b[DIAGONAL + k] - coupling * coupling * scale)
+            turn_scale = 1 / (b[DIAGONAL_TURN + k] - turn * turn * turn_scale)
+            f = scale * (b[IMPULSE + k] - coupling * f)
+            f1 = turn_scale * (b[IMPULSE1 + k] - turn * f1)
+            f2 = turn_scale * (b[IMPULSE2 + k] - turn * f2)
+            f3 = turn_scale * (b[IMPULSE3 + k] - turn * f3)
+            b[DIAGONAL + k], b[DIAGONAL_TURN + k] = scale, turn_scale
             b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
         k = n - ONE
         while k >= ONE:
-            q = k + ONE
-            b[IMPULSE + k] -= b[DIAGONAL + k] * b[COUPLING + k] * b[IMPULSE + q]
-            b[IMPULSE1 + k] += b[DIAGONAL_BEND + k] * b[P1 + k] * b[IMPULSE1 + q]
-            b[IMPULSE2 + k] += b[DIAGONAL_BEND + k] * b[P1 + k] * b[IMPULSE2 + q]
-            b[IMPULSE3 + k] += b[DIAGONAL_TWIST + k] * b[P3 + k] * b[IMPULSE3 + q]
+            turn = b[DIAGONAL_TURN + k] * b[YIELD + k]
+            f = b[IMPULSE + k] - b[DIAGONAL + k] * b[COUPLING + k] * f
+            f1, f2, f3 = b[IMPULSE1 + k] + turn * f1, b[IMPULSE2 + k] + turn * f2, b[IMPULSE3 + k] + turn * f3
+            b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
             k -= ONE
         for k in range(ONE, n + ONE + ONE):
             p = k - ONE
@@ -314,8 +325,11 @@ def section_kernels(stride):
             b[V3 + k] += mobility * (here * b[T3 + k] - before * b[T3 + p])
         for k in range(ONE, n + ONE):
             q = k + ONE
-            b[W1 + k] += b[P1 + k] * (b[IMPULSE1 + q] - b[IMPULSE1 + k])
-            b[W2 + k] += b[P1 + k] * (b[IMPULSE2 + q] - b[IMPULSE2 + k])
-            b[W3 + k] += b[P3 + k] * (b[IMPULSE3 + q] - b[IMPULSE3 + k])
+            s1 = b[YIELD + k] * (b[IMPULSE1 + q] - b[IMPULSE1 + k])
+            s2 = b[YIELD + k] * (b[IMPULSE2 + q] - b[IMPULSE2 + k])
+            s3 = b[YIELD + k] * (b[IMPULSE3 + q] - b[IMPULSE3 + k])
+            b[W1 + k] += b[Q11 + k] * s1 + b[Q12 + k] * s2 + b[Q13 + k] * s3
+            b[W2 + k] += b[Q21 + k] * s1 + b[Q22 + k] * s2 + b[Q23 + k] * s3
+            b[W3 + k] += b[Q31 + k] * s1 + b[Q32 + k] * s2 + b[Q33 + k] * s3
 
-    return measure, apply, brake, relax
+    return measure, apply, remember, brake, relax

@@ -76,9 +76,7 @@ class MuscleLaw:
         fast = np.maximum(w, 0.0)
         slow = np.minimum(w, 0.0)
         concentric = (1 - fast) / (1 + fast / self.curvature)
-        eccentric = self.eccentric_plateau - (self.eccentric_plateau - 1) * (1 + slow) / (
-            1 - self.eccentric_slope * slow / self.curvature
-        )
+        eccentric = self.eccentric_plateau - (self.eccentric_plateau - 1) * (1 + slow) / (1 - self.eccentric_slope * slow / self.curvature)
         return np.where(w > 0, np.maximum(concentric, 0.0), eccentric)
 
     def stress(self, stretch, rate=0.0, activation=0.0):

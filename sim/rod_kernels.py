@@ -25,7 +25,7 @@ SERIES = (1.0, 2 / 3, 8 / 15, 16 / 35, 128 / 315, 256 / 693, 1024 / 3003, 2048 /
 
 @kernel
 def angle_over_sine(y):
-    """theta / sin(theta) for y = sin^2(theta / 2)."""
+    """Ratio theta / sin(theta) for y = sin^2(theta / 2)."""
     total = SERIES[10]
     total = total * y + SERIES[9]
     total = total * y + SERIES[8]
@@ -59,7 +59,6 @@ def rod_kernels(stride):
     W1, W2, W3, T1, T2, T3, N1, N2, N3 = (o[f"{field}{i}"] for field in "WTN" for i in (1, 2, 3))
     K1, K2, K3, M1, M2, M3, A1, A2, A3 = (o[f"{field}{i}"] for field in "KMA" for i in (1, 2, 3))
     KRATE1, KRATE2, KRATE3, REST1, REST2, REST3 = (o[f"{field}{i}"] for field in ("KRATE", "REST") for i in (1, 2, 3))
-    TURN1, TURN2, TURN3 = (o[f"TURN{i}"] for i in (1, 2, 3))
     LENGTH, SHEAR, AXIAL, STRETCH, RATE = (o[name] for name in ("LENGTH", "SHEAR", "AXIAL", "STRETCH", "RATE"))
     INERTIA1, INERTIA2, INERTIA3 = (o[f"INERTIA{i}"] for i in (1, 2, 3))
     JOINT_LENGTH, BEND1, BEND2, TWIST = (o[name] for name in ("JOINT_LENGTH", "BEND1", "BEND2", "TWIST"))
@@ -151,11 +150,9 @@ def rod_kernels(stride):
             inverse = 1 / b[JOINT_LENGTH + k]
             k1, k2, k3 = b[K1 + k], b[K2 + k], b[K3 + k]
             w1, w2, w3 = 0.5 * (b[W1 + k] + b[W1 + p]), 0.5 * (b[W2 + k] + b[W2 + p]), 0.5 * (b[W3 + k] + b[W3 + p])
-            turn1, turn2, turn3 = b[W1 + k] - b[W1 + p], b[W2 + k] - b[W2 + p], b[W3 + k] - b[W3 + p]
-            b[TURN1 + k], b[TURN2 + k], b[TURN3 + k] = turn1, turn2, turn3
-            b[KRATE1 + k] = turn1 * inverse + k2 * w3 - k3 * w2
-            b[KRATE2 + k] = turn2 * inverse + k3 * w1 - k1 * w3
-            b[KRATE3 + k] = turn3 * inverse + k1 * w2 - k2 * w1
+            b[KRATE1 + k] = (b[W1 + k] - b[W1 + p]) * inverse + k2 * w3 - k3 * w2
+            b[KRATE2 + k] = (b[W2 + k] - b[W2 + p]) * inverse + k3 * w1 - k1 * w3
+            b[KRATE3 + k] = (b[W3 + k] - b[W3 + p]) * inverse + k1 * w2 - k2 * w1
 
     @kernel
     def moment(b, n):

@@ -51,9 +51,9 @@ class Row(_Row):
     STRETCH, RATE, T1, T2, T3, N1, N2, N3, TORQUE1, TORQUE2, TORQUE3 = (auto() for _ in range(11))
     K1, K2, K3, KRATE1, KRATE2, KRATE3, M1, M2, M3, A1, A2, A3 = (auto() for _ in range(12))
     MEAN1, MEAN2, MEAN3, MEANRATE1, MEANRATE2, MEANRATE3 = (auto() for _ in range(6))
-    RADIUS, TENSION, MOMENT1, MOMENT2, MOMENT3, STIFF, STIFF_BEND, STIFF_TWIST = (auto() for _ in range(8))
-    P1, P2, P3, DIAGONAL, DIAGONAL_BEND, DIAGONAL_TWIST, COUPLING = (auto() for _ in range(7))
-    IMPULSE, IMPULSE1, IMPULSE2, IMPULSE3, TURN1, TURN2, TURN3, LEVEL = (auto() for _ in range(8))
+    RADIUS, TENSION, MOMENT1, MOMENT2, MOMENT3, STIFF, STIFF_TURN = (auto() for _ in range(7))
+    YIELD, DIAGONAL, DIAGONAL_TURN, COUPLING = (auto() for _ in range(4))
+    IMPULSE, IMPULSE1, IMPULSE2, IMPULSE3, OLD1, OLD2, OLD3, SPIN1, SPIN2, SPIN3, LEVEL = (auto() for _ in range(11))
 
 
 STATE_ROWS = 18

@@ -117,7 +117,7 @@ def muscular_stepper(stride):
         `directions` (8, 2), sine and cosine of the longitudinal azimuths.
     """
     drift, strain, curvature, curvature_rate, moment, transport, kick, water = rod_kernels(stride)
-    measure, apply, brake, relax = section_kernels(stride)
+    measure, apply, remember, brake, relax = section_kernels(stride)
     longitudinal_active, oblique_active, transverse_active = fibre_kernels(stride, True)
     longitudinal_passive, oblique_passive, transverse_passive = fibre_kernels(stride, False)
     guard, record = _guard_and_record(stride)
@@ -163,6 +163,7 @@ def muscular_stepper(stride):
                 apply(b, n)
                 transport(b, n)
                 water(b, n)
+                remember(b, n)
                 kick(b, n)
                 brake(b, n)
                 relax(b, n)

@@ -1,0 +1,341 @@
+"""The plant: an arm in a scene, moved by activations.
+
+Model ``"rod"``: one Cosserat rod of the arm's outline, whose muscle fibres act at their off-axis places on the cross-section.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from math import ceil, cos, sin, tau
+from pathlib import Path
+
+import numpy as np
+
+from .activation import Activation
+from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, azimuth
+from .errors import OctoctrlError, PlantUnstableError, check_choice, check_number
+from .recording import Recording
+from .rod import choose_step, node_masses, raise_unstable, set_damping, set_joints, set_state, step_limits
+from .rod_layout import STATE_ROWS, Row, new_buffer, stride_for
+from .rotations import rotation_matrix, rotation_vector
+from .scene import Scene
+
+MODELS = ("rod",)
+REST_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Rows d1 = +z, d2 = +x, d3 = +y (arm axis)."""
+
+CHUNK = 50
+"""Samples per compiled call: how often progress is shown and Ctrl-C is answered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """What a controller may see at one instant.
+
+    Attributes
+    ----------
+    time : float, s
+    points : (n + 1, 3) float64, m
+    frames : (n + 2, 3, 3) float64
+        Directors at `stations`.
+    stations : (n + 2,) float64, m
+        Rest arclength of the frames: base, element centres, tip.
+    stretch : (n,) float64
+    """
+
+    time: float
+    points: np.ndarray
+    frames: np.ndarray
+    stations: np.ndarray
+    stretch: np.ndarray
+
+
+@cache
+def _muscular_advance(stride):
+    from .stepping import muscular_stepper
+
+    return muscular_stepper(stride)
+
+
+class Plant:
+    """A simulated arm.
+
+    Parameters
+    ----------
+    arm : Arm
+    scene : Scene
+    model : {"rod"}
+    dt : float or "auto", s
+        Largest time step; the step in use divides `sample_interval`. ``"auto"`` takes 0.8 of the predicted stability limit.
+    sample_interval : float, s
+        How often activation is sampled (linear in between) and the motion is checked.
+    record_every : int
+        Record every so many samples.
+
+    Attributes
+    ----------
+    time : float, s
+    limits : dict of str to float, s
+        Largest stable step by mechanism.
+    h : float, s
+        Time step in use.
+
+    Raises
+    ------
+    OctoctrlError
+        If an argument is out of range, or `dt` exceeds the stability limit.
+    """
+
+    def __init__(self, arm=None, scene=None, model="rod", *, dt="auto", sample_interval=5e-3, record_every=2):
+        self.arm = Arm.octopus() if arm is None else arm
+        self.scene = Scene() if scene is None else scene
+        check_choice("model", model, MODELS)
+        check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
+        self.sample_interval = sample_interval
+        self.record_every = record_every
+        self.elements = self.arm.elements
+        self.edges = self.arm.edges
+        self.stations = np.concatenate([[0.0], (self.edges[1:] + self.edges[:-1]) / 2, [self.arm.length]])
+        self.buffer, self.rows = new_buffer(self.elements)
+        self._fill_parameters()
+        self.limits = step_limits(self.rows, self.elements)
+        self.steps = max(1, ceil(sample_interval / choose_step(dt, self.limits) - 1e-9))
+        self.h = sample_interval / self.steps
+        self._fill_damping()
+        self._scalars = self._compiled_scalars()
+        self._directions = np.array([[sin(azimuth(group)), cos(azimuth(group))] for group in LONGITUDINAL_GROUPS])
+        self.reset()
+
+    def _fill_parameters(self):
+        n, rows, arm = self.elements, self.rows, self.arm
+        section = arm.section((self.edges[1:] + self.edges[:-1]) / 2)
+        length = np.diff(self.edges)
+        cord, longitudinal, ring, oblique = section.areas
+        inside = slice(1, n + 1)
+        for row, values in (
+            (Row.LENGTH, length),
+            (Row.SHEAR, section.shear_stiffness),
+            (Row.OFFSET, section.muscle_offset),
+            (Row.HELIX, section.oblique_offset),
+            (Row.CORD_AREA, cord),
+            (Row.LONGITUDINAL_AREA, longitudinal),
+            (Row.RING_AREA, ring),
+            (Row.OBLIQUE_AREA, oblique),
+            (Row.OBLIQUE_REST, section.oblique_stretch),
+        ):
+            rows[row, inside] = values
+        polar = sum(section.polar_inertias) * length
+        rows[Row.INERTIA1, inside] = rows[Row.INERTIA2, inside] = polar / 2
+        rows[Row.INERTIA3, inside] = polar
+        set_joints(rows, n, length, section.bending_stiffness, section.twist_stiffness, clamped=True)
+        self.node_mass = node_masses(sum(section.masses) * length)
+        rows[Row.NODE_MOBILITY, 1 : n + 2] = 1 / self.node_mass
+        self._section = section
+
+    def _fill_damping(self):
+        n, rows, water, section = self.elements, self.rows, self.scene.water, self._section
+        if water is None:
+            set_damping(rows, n, self.h, 0.0, 0.0, 0.0, fixed="clamped", masses=self.node_mass)
+            return
+        rates = water.factor * np.array([0.0, 0.0, water.ring_rate, water.oblique_rate])
+        length = np.diff(self.edges)
+        force_rate = node_masses(rates @ np.array(section.masses) * length) / self.node_mass
+        spin_rate = rates @ np.array(section.polar_inertias) / sum(section.polar_inertias)
+        set_damping(rows, n, self.h, force_rate, spin_rate, spin_rate, fixed="clamped", masses=self.node_mass)
+        width = 8 * section.muscle_radius * length * water.density * water.factor
+        rows[Row.DRAG_NORMAL, 1 : n + 2] = node_masses(width) * water.normal_coefficient
+        rows[Row.DRAG_TANGENT, 1 : n + 2] = node_masses(width) * water.tangential_coefficient * tau / 2
+
+    def _compiled_scalars(self):
+        from .muscle_kernels import law_constants
+        from .stepping import MuscleScalars
+
+        arm = self.arm
+        return MuscleScalars(
+            hoop_ratio=float(arm.lumped.hoop_ratio),
+            winding=tau / arm.oblique_pitch,
+            elastic=self.h / 2,
+            longitudinal=law_constants(arm.longitudinal),
+            oblique=law_constants(arm.oblique, arm.lumped.oblique_passive),
+            transverse=law_constants(arm.transverse),
+        )
+
+    def reset(self):
+        """Put the arm back to rest at time zero; returns the first `Observation`."""
+        points = np.zeros((self.elements + 1, 3))
+        points[:, 1] = self.edges
+        set_state(self.rows, self.elements, points, np.broadcast_to(REST_FRAME, (self.elements, 3, 3)), REST_FRAME)
+        self.samples = 0
+        self._last_levels = np.zeros((len(MUSCLE_GROUPS), self.elements))
+        return self.observe()
+
+    @property
+    def time(self):
+        """Simulated time, s."""
+        return self.samples * self.sample_interval
+
+    def observe(self):
+        """Positions, frames and stretch now, as an `Observation`."""
+        n = self.elements
+        points = self.rows[Row.X1 : Row.X3 + 1, 1 : n + 2].T.copy()
+        frames = self.rows[Row.Q11 : Row.Q33 + 1, 1 : n + 1].T.reshape(n, 3, 3)
+        stretch = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(self.edges)
+        return Observation(time=self.time, points=points, frames=self._with_ends(frames), stations=self.stations, stretch=stretch)
+
+    def advance(self, activation, duration, *, progress=None):
+        """Move on by `duration` under `activation`.
+
+        Parameters
+        ----------
+        activation : Activation, or any object with ``levels(times, edges)``
+            Levels (T, 11, n) of the groups of `octoctrl.sim.arm.MUSCLE_GROUPS`, in the plant's own time.
+        duration : float, s
+            A multiple of `sample_interval`.
+        progress : callable, optional
+            Called with the simulated seconds done after each chunk.
+
+        Returns
+        -------
+        Recording
+            From now (included) to the end. A KeyboardInterrupt ends it at the last chunk, with ``complete=False``.
+
+        Raises
+        ------
+        PlantUnstableError
+            If the motion diverges; carries the recording up to the last good sample, which the plant keeps as its state.
+        OctoctrlError
+            If `duration` is not a multiple of the sample interval, or a level leaves [0, 1].
+        """
+        samples = round(duration / self.sample_interval)
+        if samples < 1 or abs(samples * self.sample_interval - duration) > 1e-9:
+            raise OctoctrlError(f"duration={duration:g} s: needs a positive multiple of the sample interval {self.sample_interval:g} s")
+        pieces = [self._now(self._levels(activation, 0)[0])]
+        done, note = 0, ""
+        try:
+            while done < samples:
+                count = min(CHUNK, samples - done)
+                levels = self._levels(activation, count)
+                pieces.append(self._advance_samples(levels))
+                done += count
+                if progress is not None:
+                    progress(done * self.sample_interval)
+        except KeyboardInterrupt:
+            note = f"interrupted at t={self.time:.3f} s"
+        except PlantUnstableError as error:
+            if error.recording is not None:
+                pieces.append(error.recording)
+            error.recording = self._joined(pieces, str(error))
+            raise
+        return self._joined(pieces, note)
+
+    def _levels(self, activation, samples):
+        times = (self.samples + np.arange(samples + 1)) * self.sample_interval
+        levels = np.asarray(activation.levels(times, self.edges), dtype=float)
+        if not (np.isfinite(levels).all() and levels.min(initial=0.0) >= 0 and levels.max(initial=0.0) <= 1 + 1e-12):
+            raise OctoctrlError(f"activation levels span {levels.min():g}…{levels.max():g} near t={times[0]:.2f} s; allowed is 0…1")
+        return levels
+
+    def _advance_samples(self, levels):
+        n, samples = self.elements, len(levels) - 1
+        points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
+        active = levels.any(axis=(0, 2))
+        good = self.rows[:STATE_ROWS].copy()
+        step = _muscular_advance(stride_for(n))
+        done, finding, element = step(
+            self.buffer, np.uint64(n), self.h, self.steps, levels, active, self._directions, self._scalars, points, frames, stretch
+        )
+        first = self.samples
+        if finding:
+            self.rows[:STATE_ROWS] = good
+            bad = (first + done + 1) * self.sample_interval
+            raise_unstable(
+                bad,
+                int(element) - 1,
+                finding,
+                self.h,
+                self.limits,
+                self._piece(first, points[:done], frames[:done], stretch[:done], levels),
+            )
+        self.samples += samples
+        return self._piece(first, points, frames, stretch, levels)
+
+    def _piece(self, first, points, frames, stretch, levels):
+        index = first + 1 + np.arange(len(points))
+        keep = index % self.record_every == 0
+        return Recording(
+            time=index[keep] * self.sample_interval,
+            points=points[keep],
+            frames=self._with_ends(frames[keep]),
+            stations=self.stations,
+            stretch=stretch[keep],
+            levels=levels[1 : len(points) + 1][keep],
+        )
+
+    def _now(self, levels):
+        seen = self.observe()
+        return Recording(
+            time=np.array([seen.time]),
+            points=seen.points[None],
+            frames=seen.frames[None],
+            stations=self.stations,
+            stretch=seen.stretch[None],
+            levels=levels[None],
+        )
+
+    @staticmethod
+    def _joined(pieces, note):
+        fields = {
+            name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in ("time", "points", "frames", "stretch", "levels")
+        }
+        return replace(pieces[0], **fields, complete=not note, note=note)
+
+    def _with_ends(self, frames):
+        """Frames (..., n, 3, 3) of elements with those of base and tip, the latter turned on by half an element of the last curvature."""
+        length = np.diff(self.edges)
+        share = length[-1] / (length[-1] + length[-2])
+        last = frames[..., -1, :, :] @ np.swapaxes(frames[..., -2, :, :], -1, -2)
+        tip = rotation_matrix(share * rotation_vector(last)) @ frames[..., -1, :, :]
+        base = np.broadcast_to(REST_FRAME, (*frames.shape[:-3], 1, 3, 3))
+        return np.concatenate([base, frames, tip[..., None, :, :]], axis=-3)
+
+    def save(self, path):
+        """Write the state to an ``.npz`` file; `load` continues from it bit by bit.
+
+        Raises
+        ------
+        OctoctrlError
+            If the file's suffix is not ``.npz``.
+        """
+        if Path(path).suffix != ".npz":
+            raise OctoctrlError(f"unknown format '{Path(path).suffix}'; use .npz")
+        state = self.rows[:STATE_ROWS, : self.elements + 2]
+        np.savez(path, state=state, samples=self.samples, arm=self.arm.fingerprint, elements=self.elements, steps=self.steps)
+
+    def load(self, path):
+        """Read a state written by `save`.
+
+        Raises
+        ------
+        OctoctrlError
+            If it belongs to another arm, resolution or step.
+        """
+        with np.load(path) as data:
+            for name, mine in (("arm", self.arm.fingerprint), ("elements", self.elements), ("steps", self.steps)):
+                if data[name] != mine:
+                    raise OctoctrlError(
+                        f"{path}: state has {name}={data[name]}, this plant {name}={mine}; make the plant as it was when saved"
+                    )
+            self.rows[:STATE_ROWS, : self.elements + 2] = data["state"]
+            self.samples = int(data["samples"])
+        return self.observe()
+
+
+def warmup(progress=None):
+    """Compile the plant, or load it from the cache; returns the seconds it took."""
+    from time import perf_counter
+
+    begin = perf_counter()
+    if progress is not None:
+        progress("compiling the rod plant (once; kept on disk)")
+    plant = Plant()
+    plant.advance(Activation(), plant.sample_interval)
+    return perf_counter() - begin

@@ -1,0 +1,35 @@
+"""Rotations of material frames as arrays (NumPy).
+
+A frame is a (3, 3) matrix whose rows are the directors d1, d2, d3; it maps lab components to material ones. A rotation vector u takes a
+frame Q to ``exp(-[u]) Q``: its components are material, and a positive u3 is a right-handed turn about d3.
+"""
+
+import numpy as np
+
+
+def rotation_matrix(vector):
+    """Matrix exp(-[u]) of rotation vectors (..., 3), as (..., 3, 3)."""
+    vector = np.asarray(vector, dtype=float)
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    cross = np.zeros((*vector.shape[:-1], 3, 3))
+    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
+    cross -= np.swapaxes(cross, -1, -2)
+    sine, half = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi))
+    return np.eye(3) - sine * cross + 0.5 * half**2 * (cross @ cross)
+
+
+def rotation_vector(matrix):
+    """Rotation vectors (..., 3) of matrices exp(-[u]) (..., 3, 3), for angles below pi."""
+    matrix = np.asarray(matrix, dtype=float)
+    axial = 0.5 * np.stack(
+        [
+            matrix[..., 1, 2] - matrix[..., 2, 1],
+            matrix[..., 2, 0] - matrix[..., 0, 2],
+            matrix[..., 0, 1] - matrix[..., 1, 0],
+        ],
+        axis=-1,
+    )
+    sine = np.linalg.norm(axial, axis=-1)
+    cosine = 0.5 * (np.trace(matrix, axis1=-2, axis2=-1) - 1)
+    angle = np.arctan2(sine, cosine)
+    return axial / np.sinc(angle / np.pi)[..., None]
