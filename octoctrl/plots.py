@@ -133,6 +133,7 @@ def _draw_snapshots(figure, execution, times):
     recording = execution.recording
     planned = planned_points(execution.plan, np.array(times))
     shapes = [recording.points[int(np.argmin(np.abs(recording.time - time)))] for time in times]
+    figure.suptitle("the arm: simulated (blue), planned (dashed)", fontsize=9)
     panels = figure.subplots(1, len(times), subplot_kw={"projection": "3d"})
     for column, axes in enumerate(np.atleast_1d(panels)):
         x, y, z = shapes[column].T * 1e3
