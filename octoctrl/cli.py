@@ -217,7 +217,7 @@ def warmup(quiet: Quiet = False):
 @app.command()
 def demo(
     task: Annotated[str, typer.Argument(metavar="TASK", help="Name of a task, or a task file.")] = "coil",
-    folder: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER")] = Path("."),
+    folder: Annotated[Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Default: demo-TASK, renewed each time.")] = None,
     settings: Settings = None,
     time_limit: TimeLimit = None,
     force: Overwrite = False,
@@ -228,6 +228,8 @@ def demo(
     from .store import check_target
 
     configuration = registry.load(task, overrides=settings or ())
+    if folder is None:
+        folder, force = Path(f"demo-{Path(task).stem}"), True
     folder.mkdir(parents=True, exist_ok=True)
     plan_file, run_file, picture = folder / "plan.npz", folder / "run.npz", folder / "traces.png"
     for path in (plan_file, run_file):
