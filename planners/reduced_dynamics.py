@@ -28,7 +28,7 @@ from octoctrl.sim.arm import MUSCLE_GROUPS
 from .reduced_drag import chain, drag_force, drag_matrix, element_edges, node_drag
 from .reduced_kinematics import hat_means
 from .reduced_parameters import FACTORS
-from .reduced_statics import CONSTANTS, section_constants, section_forces, section_viscosity
+from .reduced_statics import CONSTANTS, section_constants, section_forces, section_viscosity, viscous_force
 
 GROUPS = len(MUSCLE_GROUPS)
 
@@ -227,9 +227,14 @@ def _section_residual(structure):
     q, r, motion, u, h = ca.SX.sym("q", 4), ca.SX.sym("r", 4), ca.SX.sym("dq", 4), ca.SX.sym("u", GROUPS), ca.SX.sym("h")
     place, factors = ca.SX.sym("c", len(CONSTANTS)), ca.SX.sym("factors", len(FACTORS))
     forces = section_forces(arm, structure.laws, q, u, place, factors)
+    viscous = viscous_force(arm, forces, place, r, motion)
     driving = forces.tangent @ motion + forces.force
-    residual = section_viscosity(arm, forces, place, r) @ motion + h * driving
-    derivatives = [ca.densify(ca.jacobian(residual, by)) for by in (q, r, u)]
+    residual = viscous + h * driving
+    # The tangent is symmetric in all its derivatives: d(K dq)/dq is the change of K along dq, one sweep in place of four.
+    bent = ca.triu2symm(ca.jtimes(ca.triu(forces.tangent), q, motion))
+    by_strain = ca.jacobian(viscous, q) + h * (forces.tangent + bent)
+    by_level = ca.horzcat(*(ca.jtimes(residual, level, ca.SX(1)) for level in ca.vertsplit(u)))
+    derivatives = [ca.densify(part) for part in (by_strain, ca.jacobian(viscous, r), by_level)]
     function = ca.Function("section_residual", [q, r, motion, u, h, place, factors], [*derivatives, driving], {"cse": True})
     return function.map("section_residuals", "serial", structure.sections, [4, 6], [])
 

@@ -206,7 +206,7 @@ def section_forces(arm, laws, q, u, constants, factors):
     length = value["length"]
     return SectionForces(
         length * (force + own * q),
-        length * (tangent + ca.diag(own)),
+        ca.triu2symm(ca.triu(length * (tangent + ca.diag(own)))),
         length * ca.vertcat(*viscosity),
         ca.densify(ca.horzcat(*gradients)),
     )
@@ -214,15 +214,29 @@ def section_forces(arm, laws, q, u, constants, factors):
 
 def section_viscosity(arm, forces, constants, rates):
     """Viscosity matrix (4, 4) of a section at the strain rates `rates` (4,), 1/s."""
-    matrix = ca.SX.zeros(4, 4)
+    coefficients = _viscosity_coefficients(arm, forces, constants, rates)
+    matrix = ca.SX(4, 4)
+    for row in range(4):
+        for column in range(row, 4):
+            matrix[row, column] = ca.dot(coefficients, forces.gradients[row, :].T * forces.gradients[column, :].T)
+    return ca.triu2symm(matrix)
+
+
+def viscous_force(arm, forces, constants, rates, motion):
+    """Product of `section_viscosity` at `rates` with the strains `motion` (4,), without the matrix."""
+    return forces.gradients @ (_viscosity_coefficients(arm, forces, constants, rates) * (forces.gradients.T @ motion))
+
+
+def _viscosity_coefficients(arm, forces, constants, rates):
+    """Viscosity of each fibre along its own length, (11,)."""
+    speeds = forces.gradients.T @ rates
+    coefficients = []
     for index, group in enumerate(MUSCLE_GROUPS):
-        gradient = forces.gradients[:, index]
         oblique = group.endswith("-OM")
         law = arm.oblique if oblique else arm.transverse if group == "TM" else arm.longitudinal
         rest = constants[CONSTANTS.index("oblique_stretch")] if oblique else 1.0
-        coefficient = forces.viscosity[index] * hill_secant(law, ca.dot(gradient, rates) / rest)
-        matrix += (coefficient * gradient) @ gradient.T
-    return matrix
+        coefficients.append(forces.viscosity[index] * hill_secant(law, speeds[index] / rest))
+    return ca.vertcat(*coefficients)
 
 
 def _curves(law, laws, shape):
