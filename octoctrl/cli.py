@@ -104,6 +104,7 @@ def plan(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PLAN.npz")],
     settings: Settings = None,
     time_limit: TimeLimit = None,
+    model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.json", help="Reduced model made by identify.")] = None,
     force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -113,7 +114,7 @@ def plan(
 
     configuration = registry.load(task, overrides=settings or ())
     check_target(output, overwrite=force)
-    made = _plan(configuration, output, time_limit, _display(quiet))
+    made = _plan(configuration, output, time_limit, _display(quiet), model)
     _report(made, _plan_json(made), as_json)
     return _plan_code(made)
 
@@ -182,7 +183,7 @@ def compare(
 
 @app.command()
 def identify(
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="MODEL.npz")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="MODEL.json")] = None,
     task: Annotated[str, typer.Option("--task", metavar="FILE_OR_TASK", help="Where arm and scene are taken from.")] = "coil",
     settings: Settings = None,
     force: Overwrite = False,
@@ -190,15 +191,13 @@ def identify(
     quiet: Quiet = False,
 ):
     """Fit the reduced model of an arm to a handful of runs of the plant."""
-    from .store import check_target
-
-    configuration = registry.load(task, overrides=settings or ())
-    if output is not None:
-        check_target(output, overwrite=force)
+    from .identifying import identification_text
     from .identifying import identify as fit
 
-    model = fit(configuration.arm, configuration.scene, path=output, progress=_display(quiet))
-    _report(model, {"model": str(model)}, as_json)
+    configuration = registry.load(task, overrides=settings or ())
+    found = fit(configuration.arm, configuration.scene, path=output, overwrite=force, progress=_display(quiet))
+    content = {"factors": {name: getattr(found.model.parameters, name) for name in found.names}, "deviations": found.deviations}
+    _report(identification_text(found), content | {"residual_rms": found.residual_rms, "statistics": found.statistics}, as_json)
 
 
 @app.command()
@@ -262,12 +261,12 @@ def demo(
 # ---------------------------------------------------------------- the work
 
 
-def _plan(configuration, output, time_limit, display):
+def _plan(configuration, output, time_limit, display, model=None):
     from .planning import plan as make
     from .store import save
 
     try:
-        made = make(configuration, time_limit=time_limit, progress=display)
+        made = make(configuration, model=model, time_limit=time_limit, progress=display)
     finally:
         display.stop()
     save(output, made, overwrite=True, origin=_origin(configuration))

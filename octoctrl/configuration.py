@@ -23,6 +23,8 @@ from octoctrl.sim.errors import OctoctrlError, check_number, suggest
 from octoctrl.sim.muscles import MuscleLaw
 from octoctrl.sim.scene import Scene
 
+from .toml_source import Source, assign, found
+
 UNITS = {
     "m": ("metres", {"m": 0, "cm": -2, "mm": -3}),
     "s": ("seconds", {"s": 0, "ms": -3}),
@@ -140,9 +142,9 @@ def parse(text, *, name="task.toml", overrides=()):
         reason, _, place = str(error).partition(" (at ")
         line = re.match(r"line (\d+)", place)
         raise OctoctrlError(f"{name}{':' + line[1] if line else ''}: not valid TOML: {reason[0].lower() + reason[1:]}") from None
-    source = _Source(name, text)
+    source = Source(name, text)
     for assignment in overrides:
-        source.overridden.append(_assign(data, assignment))
+        source.overridden.append(assign(data, assignment))
     return _convert(Configuration, data, source)
 
 
@@ -166,7 +168,7 @@ def convert(kind, table, *, name):
     OctoctrlError
         If a key is unknown or a value is wrong.
     """
-    return _convert(kind, table, _Source(name, ""))
+    return _convert(kind, table, Source(name, ""))
 
 
 def _convert(kind, data, source):
@@ -203,116 +205,6 @@ def toml_of(configuration):
     return "\n".join(out).rstrip("\n") + "\n"
 
 
-# ---------------------------------------------------------------- where a key stands
-
-
-class _Source:
-    """Name and text of a file, and which keys were set on the command line instead."""
-
-    def __init__(self, name, text):
-        self.name, self.lines, self.overridden = name, _line_numbers(text), []
-
-    def where(self, path):
-        """Say where the value at `path` was written: ``file:line key.path``."""
-        dotted = _dotted(path)
-        if not path:
-            return self.name
-        if any(path[: len(key)] == key for key in self.overridden):
-            return f"--set {dotted}"
-        for length in range(len(path), 0, -1):
-            if path[:length] in self.lines:
-                return f"{self.name}:{self.lines[path[:length]]} {dotted}"
-        return f"{self.name} {dotted}"
-
-    def culprit(self, path, complaint):
-        """The key under `path` that a complaint about the whole table is about, as far as one can tell."""
-        overridden = [key for key in self.overridden if key[: len(path)] == path]
-        keys = {*overridden, *self.lines}
-        named = [(*path, word) for word in re.findall(r"\w+", complaint) if (*path, word) in keys]
-        return [*named, *overridden, path][0]
-
-
-def _dotted(path):
-    text = ""
-    for step in path:
-        text += f"[{step}]" if isinstance(step, int) else f"{'.' if text else ''}{step}"
-    return text
-
-
-def _line_numbers(text):
-    """Map key paths to line numbers by reading headers, assignments and one-line elements of arrays."""
-    lines, table, counts, open_array, quoted = {}, (), {}, None, False
-    for number, line in enumerate(text.splitlines(), start=1):
-        if quoted or line.count('"""') % 2:
-            quoted = quoted != bool(line.count('"""') % 2)
-            if quoted is False:
-                continue
-        header = re.match(r"\s*(\[\[?)([^\[\]]+)\]", line)
-        assigned = re.match(r'\s*([\w."-]+)\s*=\s*(.*)', line)
-        if header and open_array is None:
-            table, names = (), [part.strip().strip('"') for part in header[2].split(".")]
-            for position, part in enumerate(names):
-                table += (part,)
-                if header[1] == "[[" and position == len(names) - 1:
-                    counts[table] = counts.get(table, -1) + 1
-                if table in counts:
-                    table += (counts[table],)
-            lines.setdefault(table, number)
-            lines.setdefault(table[:-1], number)
-        elif open_array is not None:
-            if line.lstrip().startswith("{"):
-                lines[(*open_array, counts[open_array])] = number
-                counts[open_array] += 1
-            elif line.lstrip().startswith("]"):
-                del counts[open_array]
-                open_array = None
-        elif assigned:
-            path = (*table, *(part.strip('"') for part in assigned[1].split(".")))
-            lines.setdefault(path, number)
-            if re.fullmatch(r"\[\s*(#.*)?", assigned[2]):
-                open_array, counts[path] = path, 0
-    return lines
-
-
-# ---------------------------------------------------------------- overrides
-
-
-def _assign(data, assignment):
-    """Carry out ``a.b[0].c=value`` on nested tables and return the path as a tuple."""
-    key, equals, raw = assignment.partition("=")
-    if not equals or not key.strip():
-        raise OctoctrlError(f"--set {assignment}: expected key=value, for example --set task.phases.store.duration=1.2")
-    try:
-        value = tomllib.loads(f"value = {raw.strip()}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = raw.strip()
-    steps = [int(step[1:-1]) if step.startswith("[") else step for step in re.findall(r"\[\d+\]|[^.\[\]]+", key.strip())]
-    path, target = (), data
-    for step in steps[:-1]:
-        step = _element(target, step, path)
-        if isinstance(target, dict):
-            target.setdefault(step, {})
-        path, target = (*path, step), target[step]
-        if not isinstance(target, dict | list):
-            raise OctoctrlError(f"--set {_dotted(path)}: is {_found(target)}, not a table")
-    last = _element(target, steps[-1], path)
-    target[last] = value
-    return (*path, last)
-
-
-def _element(target, step, path):
-    """Index of an element of a list, given its index or its name."""
-    if not isinstance(target, list):
-        return str(step)
-    names = [item.get("name", "") for item in target if isinstance(item, dict)]
-    if isinstance(step, int) and step < len(target):
-        return step
-    if step in names:
-        return names.index(step)
-    known = ", ".join(name for name in names if name) or f"0 to {len(target) - 1}"
-    raise OctoctrlError(f"--set {_dotted(path)}: no element '{step}'{suggest(step, names)} ({known})")
-
-
 # ---------------------------------------------------------------- from tables to what the dataclasses expect
 
 
@@ -329,7 +221,7 @@ def _normalise(value, hint, path, source, unit=None, default=None):
         return _normalise_table(value, hint, path, source, default)
     if origin is tuple:
         if not isinstance(value, list):
-            raise OctoctrlError(f"{source.where(path)}: expected a list, found {_found(value)}")
+            raise OctoctrlError(f"{source.where(path)}: expected a list, found {found(value)}")
         inner = typing.get_args(hint)
         hints = [inner[0]] * len(value) if len(inner) == 2 and inner[1] is Ellipsis else inner
         if len(hints) != len(value):
@@ -342,7 +234,7 @@ def _normalise(value, hint, path, source, unit=None, default=None):
 
 def _normalise_table(table, kind, path, source, default=None):
     if not isinstance(table, Mapping):
-        raise OctoctrlError(f"{source.where(path)}: expected a table, found {_found(table)}")
+        raise OctoctrlError(f"{source.where(path)}: expected a table, found {found(table)}")
     hints = typing.get_type_hints(kind)
     known = [item.name for item in fields(kind)]
     for key in table:
@@ -392,7 +284,7 @@ def _number(value, unit, path, source):
         if match and unit and match[2]:
             raise OctoctrlError(f"{source.where(path)}: unit '{match[2]}' not known; use {', '.join(powers)}")
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise OctoctrlError(f"{source.where(path)}: expected a number{f' in {words}' if words else ''}, found {_found(value)}")
+        raise OctoctrlError(f"{source.where(path)}: expected a number{f' in {words}' if words else ''}, found {found(value)}")
     return float(value)
 
 
@@ -408,20 +300,10 @@ def _translate(error, data, source, base=()):
         value = data
         for step in path[len(base) :]:
             value = value[step]
-        text = f"expected {_WORDS.get(wrong[1], wrong[1])}, found {_found(value)}"
+        text = f"expected {_WORDS.get(wrong[1], wrong[1])}, found {found(value)}"
     elif path not in ((), ("task",)):
         path = source.culprit(path, text)
     return f"{source.where(path)}: {text}"
-
-
-def _found(value):
-    if isinstance(value, str):
-        return f"the string {value!r}"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, int | float):
-        return f"the number {value:g}"
-    return {dict: "a table", list: "a list"}.get(type(value), f"{type(value).__name__} {value}")
 
 
 # ---------------------------------------------------------------- writing

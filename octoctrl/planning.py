@@ -8,7 +8,7 @@ from . import tasks
 from .configuration import Configuration
 
 
-def plan(task, *, arm=None, scene=None, time_limit=None, guess=None, progress=None, strict=False):
+def plan(task, *, arm=None, scene=None, model=None, time_limit=None, guess=None, progress=None, strict=False):
     """Plan a task on the reduced model of an arm.
 
     Parameters
@@ -19,6 +19,8 @@ def plan(task, *, arm=None, scene=None, time_limit=None, guess=None, progress=No
         In place of the configuration's.
     scene : Scene, optional
         In place of the configuration's.
+    model : str, Path or IdentifiedModel, optional
+        The arm's reduced model as `octoctrl.identifying.identify` makes it; the one that comes with octoctrl if omitted.
     time_limit : float, s, optional
         Wall-clock limit, in place of the configuration's.
     guess : Plan, optional
@@ -40,15 +42,17 @@ def plan(task, *, arm=None, scene=None, time_limit=None, guess=None, progress=No
     PlanFailedError
         If `strict` and some goal is not met.
     """
-    from octoctrl.planners import trajectory
-    from octoctrl.planners.identification import load_identified
+    from .identifying import load_model
 
     configuration = as_configuration(task)
     arm = configuration.arm if arm is None else arm
     scene = configuration.scene if scene is None else scene
+    identified = load_model(model, arm, scene)
+    from octoctrl.planners import trajectory
+
     found = trajectory.plan(
         configuration.task,
-        load_identified(arm, scene),
+        identified,
         arm=arm,
         scene=scene,
         time_limit=configuration.plan.time_limit if time_limit is None else time_limit,

@@ -92,6 +92,12 @@ def test_other_units():
     assert changed.task.sucker_azimuth == pi / 4
 
 
+def test_lines_inside_long_texts_are_not_keys():
+    text = '[task]\nname = "a"\ndescription = """\nphases = 3\n[arm]\n"""\nphases = [{ name = "a", duration = "x" }]\n' + DRIVE
+    with pytest.raises(OctoctrlError, match=r"^task.toml:7 task.phases\[0\].duration: expected a number in seconds"):
+        parse(text)
+
+
 def test_goal_of_length_takes_a_unit_of_length():
     goal = "task.phases[0].goals=[{quantity='length', value='180 mm', tolerance='4 mm'}]"
     assert parse(SMALL, overrides=[goal]).task.phases[0].goals == (Goal(quantity="length", value=0.18, tolerance=0.004),)

@@ -102,6 +102,8 @@ COMMANDS = [
     (["plan", "coil", "-o", "plan.mat"], "unknown format '.mat'; use .npz"),
     (["plan", "coil", "-o", "there.npz"], "there.npz exists; use -f to replace"),
     (["plan", "coil", "-o", "no/plan.npz"], "folder no does not exist; make it first"),
+    (["plan", "coil", "-o", "plan.npz", "--model", "m.json"], "m.json does not exist; make one with: octoctrl identify -o m.json"),
+    (["identify", "-o", "model.npz"], "unknown format '.npz'; use .json"),
     (["run", "plan.npz", "-o", "run.npz"], "plan.npz does not exist"),
     (["run", "coil.npz", "-o", "there.npz"], "there.npz exists; use -f to replace"),
     (["run", "coil.npz", "-o", "run.npz", "--feedback", "mpc"], "unknown feedback 'mpc' (tvlqr, open-loop)"),

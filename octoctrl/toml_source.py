@@ -1,0 +1,123 @@
+"""Where things stand in a TOML file, so that a complaint can name file, line and key; and changes made on the command line."""
+
+import re
+import tomllib
+
+from octoctrl.sim.errors import OctoctrlError, suggest
+
+
+class Source:
+    """A file's `name`, the lines of its keys, and which keys were set on the command line instead."""
+
+    def __init__(self, name, text):
+        self.name, self.lines, self.overridden = name, _line_numbers(text), []
+
+    def where(self, path):
+        """Say where the value at `path` was written: ``file:line key.path``."""
+        key = dotted(path)
+        if not path:
+            return self.name
+        if any(path[: len(other)] == other for other in self.overridden):
+            return f"--set {key}"
+        for length in range(len(path), 0, -1):
+            if path[:length] in self.lines:
+                return f"{self.name}:{self.lines[path[:length]]} {key}"
+        return f"{self.name} {key}"
+
+    def culprit(self, path, complaint):
+        """The key under `path` that a complaint about the whole table is about, as far as one can tell."""
+        overridden = [key for key in self.overridden if key[: len(path)] == path]
+        keys = {*overridden, *self.lines}
+        named = [(*path, word) for word in re.findall(r"\w+", complaint) if (*path, word) in keys]
+        return [*named, *overridden, path][0]
+
+
+def dotted(path):
+    """Write a `path` of keys and numbers as ``a.b[0].c``."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f"{'.' if text else ''}{step}"
+    return text
+
+
+def _line_numbers(text):
+    """Map key paths to line numbers by reading headers, assignments and one-line elements of arrays."""
+    lines, table, counts, open_array, quoted = {}, (), {}, None, False
+    for number, line in enumerate(text.splitlines(), start=1):
+        toggles = line.count('"""') % 2 == 1
+        if quoted:
+            quoted = not toggles
+            continue
+        quoted = toggles
+        header = re.match(r"\s*(\[\[?)([^\[\]]+)\]", line)
+        assigned = re.match(r'\s*([\w."-]+)\s*=\s*(.*)', line)
+        if header and open_array is None:
+            table, names = (), [part.strip().strip('"') for part in header[2].split(".")]
+            for position, part in enumerate(names):
+                table += (part,)
+                if header[1] == "[[" and position == len(names) - 1:
+                    counts[table] = counts.get(table, -1) + 1
+                if table in counts:
+                    table += (counts[table],)
+            lines.setdefault(table, number)
+            lines.setdefault(table[:-1], number)
+        elif open_array is not None:
+            if line.lstrip().startswith("{"):
+                lines[(*open_array, counts[open_array])] = number
+                counts[open_array] += 1
+            elif line.lstrip().startswith("]"):
+                del counts[open_array]
+                open_array = None
+        elif assigned:
+            path = (*table, *(part.strip('"') for part in assigned[1].split(".")))
+            lines.setdefault(path, number)
+            if re.fullmatch(r"\[\s*(#.*)?", assigned[2]):
+                open_array, counts[path] = path, 0
+    return lines
+
+
+def assign(data, assignment):
+    """Carry out an `assignment` ``a.b[0].c=value`` on nested tables `data` and return the path as a tuple."""
+    key, equals, raw = assignment.partition("=")
+    if not equals or not key.strip():
+        raise OctoctrlError(f"--set {assignment}: expected key=value, for example --set task.phases.store.duration=1.2")
+    try:
+        value = tomllib.loads(f"value = {raw.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = raw.strip()
+    steps = [int(step[1:-1]) if step.startswith("[") else step for step in re.findall(r"\[\d+\]|[^.\[\]]+", key.strip())]
+    path, target = (), data
+    for step in steps[:-1]:
+        step = _element(target, step, path)
+        if isinstance(target, dict):
+            target.setdefault(step, {})
+        path, target = (*path, step), target[step]
+        if not isinstance(target, dict | list):
+            raise OctoctrlError(f"--set {dotted(path)}: is {found(target)}, not a table")
+    last = _element(target, steps[-1], path)
+    target[last] = value
+    return (*path, last)
+
+
+def _element(target, step, path):
+    """Index of an element of a list, given its index or its name."""
+    if not isinstance(target, list):
+        return str(step)
+    names = [item.get("name", "") for item in target if isinstance(item, dict)]
+    if isinstance(step, int) and step < len(target):
+        return step
+    if step in names:
+        return names.index(step)
+    known = ", ".join(name for name in names if name) or f"0 to {len(target) - 1}"
+    raise OctoctrlError(f"--set {dotted(path)}: no element '{step}'{suggest(step, names)} ({known})")
+
+
+def found(value):
+    """Say what a `value` is, for "expected …, found …"."""
+    if isinstance(value, str):
+        return f"the string {value!r}"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return f"the number {value:g}"
+    return {dict: "a table", list: "a list"}.get(type(value), f"{type(value).__name__} {value}")
