@@ -193,7 +193,8 @@ def toml_of(configuration):
     """
     task = configuration.task
     out = ["# Lengths in metres, times in seconds, angles in radians; strings with a unit work too: '12 mm', '250 ms', '45 deg'.", ""]
-    out += ["[task]", *_assignments(task, ("name", "description", "time_weight", "effort_weight", "sucker_azimuth")), ""]
+    simple = [item.name for item in fields(task) if item.name not in ("phases", "drives", "convention")]
+    out += ["[task]", *_assignments(task, simple), ""]
     out += ["[task.convention]", *_assignments(task.convention), ""]
     for number, phase in enumerate(task.phases):
         names = [item.name for item in fields(phase) if item.name != "goals"]
