@@ -13,6 +13,7 @@ curvature goes with the inverse of the radius, and its size at the thin tip woul
 
 import json
 from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter
@@ -25,7 +26,7 @@ from octoctrl.sim.errors import OctoctrlError, check_number
 from octoctrl.sim.scene import Scene
 
 from .reduced import ReducedModel
-from .reduced_kinematics import rotation_vectors
+from .reduced_kinematics import element_lengths, rotation_vectors
 from .reduced_parameters import ReducedParameters, factor_indices
 
 INTERVAL = 0.06
@@ -190,6 +191,7 @@ def experiments(arm):
         stays held out.
     """
     half = arm.length / 2
+    outer = (half, np.inf)
     runs = (
         ("oblique step and release", 2.5, (_on("R-OM", 0.3, 0.0, 0.3, 1.3),)),
         ("oblique stairs", 2.5, (_on("L-OM", 0.15, 0.0, 0.3), _on("L-OM", 0.35, 1.2, 0.3))),
@@ -197,10 +199,37 @@ def experiments(arm):
         ("twist, bend, untwist", 3.0, (_on("L-OM", 0.25, 0.0, 0.4, 1.8), _on("LM4 LM5 LM6", 0.3, 0.7, 1.0))),
         ("bend, then twist", 2.5, (_on("LM8 LM1 LM2", 0.2, 0.0, 0.4), _on("L-OM", 0.25, 1.2, 0.4))),
         ("shorten, then elongate", 2.0, (_on(" ".join(LONGITUDINAL_GROUPS), 0.2, 0.0, 0.3, 0.9), _on("TM", 0.4, 1.0, 0.3))),
-        ("half bend, half twist", 1.5, (_on("LM6 LM7 LM8", 0.3, 0.0, 0.4, window=(0.0, half)), _on("R-OM", 0.2, 0.1, 0.4, window=(half, np.inf)))),
+        ("half bend, half twist", 1.5, (_on("LM6 LM7 LM8", 0.3, 0.0, 0.4, window=(0.0, half)), _on("R-OM", 0.2, 0.1, 0.4, window=outer))),
         ("random levels", 3.0, _random_levels(3.0)),
-    )  # fmt: skip
-    return tuple((name, Activation(templates=templates), duration) for name, duration, templates in runs)
+    )
+    return tuple((name, Activation(templates=templates, composition="max"), duration) for name, duration, templates in runs)
+
+
+def load_identified(arm, scene=None, laws="known"):
+    """The model that comes with octoctrl for an arm, or one without identified factors if the arm is another one.
+
+    Parameters
+    ----------
+    arm : Arm
+    scene : Scene, optional
+    laws : {"known", "generic"}
+
+    Returns
+    -------
+    IdentifiedModel
+        Without an identification all factors are 1, ``names`` is empty and the validity region covers nothing.
+    """
+    path = Path(__file__).parent / "identified" / f"{arm.fingerprint}-{laws}.json"
+    if path.is_file():
+        return IdentifiedModel.load(path, arm, scene)
+    return IdentifiedModel(
+        model=ReducedModel(arm=arm, scene=Scene() if scene is None else scene, laws=laws),
+        names=(),
+        covariance=np.zeros((0, 0)),
+        residual_rms=float("nan"),
+        validity=ValidityRegion(levels=dict.fromkeys(MUSCLE_GROUPS, 0.0), level_rate=0.0, bend=0.0, stretch=(1.0, 1.0)),
+        fingerprint=arm.fingerprint,
+    )
 
 
 def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free=None, sections=8, max_evaluations=15):
@@ -239,7 +268,9 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
     begin = perf_counter()
     free = (KNOWN_FREE if laws == "known" else GENERIC_FREE) if free is None else tuple(free)
     indices = factor_indices(free)
-    model = ReducedModel(arm=arm or Arm.octopus(), scene=scene or Scene(), laws=laws, sections=sections, parameters=start or ReducedParameters())
+    model = ReducedModel(
+        arm=arm or Arm.octopus(), scene=scene or Scene(), laws=laws, sections=sections, parameters=start or ReducedParameters()
+    )
     runs = [_Run(model, activation, recording) for activation, recording in recordings]
     base = model.parameters.vector()
 
@@ -293,7 +324,7 @@ class _Run:
         self.strains = model.strains_from_frames(self.stations, frames, stretch)
         self.begin, self.steps = time[picked[0]], np.diff(time[picked])
         self.levels = model.levels(activation, time[picked[1:]])
-        self.measured = self._features(frames[1:], stretch[1:].mean(axis=1))
+        self.measured = self._features(frames[1:], stretch[1:] @ element_lengths(self.stations) / model.arm.length)
 
     def _features(self, frames, stretch):
         turns = rotation_vectors(frames[:, :-1] @ np.swapaxes(frames[:, 1:], -1, -2))[..., 2]
@@ -346,9 +377,4 @@ def _random_levels(duration, dwell=0.6):
 
 
 def _versions():
-    import casadi
-    import scipy
-
-    import octoctrl
-
-    return {"octoctrl": octoctrl.__version__, "casadi": casadi.__version__, "numpy": np.__version__, "scipy": scipy.__version__}
+    return {name: version(name) for name in ("octoctrl", "casadi", "numpy", "scipy")}

@@ -13,7 +13,7 @@ from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
 from octoctrl.sim.scene import Scene
 
-from .reduced_kinematics import StrainFit, integrate_frames, node_points, plant_stations
+from .reduced_kinematics import StrainFit, element_points, element_stations, integrate_frames
 from .reduced_parameters import ReducedParameters
 
 LAWS = ("known", "generic")
@@ -162,9 +162,7 @@ class ReducedModel:
         run = horizon(self.structure, count)
         strains, speeds = (np.asarray(out) for out in run(start.T, rates.T, _columns(levels), steps[None], factors))
         time = begin + np.concatenate([[0.0], np.cumsum(steps)])
-        return ReducedMotion(
-            time=time, strains=_stack(start, strains, self.sections), rates=_stack(rates, speeds, self.sections)
-        )
+        return ReducedMotion(time=time, strains=_stack(start, strains, self.sections), rates=_stack(rates, speeds, self.sections))
 
     def sensitivities(self, levels, level_slopes, steps, step_slopes, *, start=None):
         """Simulate, and differentiate exactly with respect to p parameters on which levels and step lengths depend.
@@ -201,7 +199,15 @@ class ReducedModel:
         strains, rates, slopes, _ = (
             np.asarray(out)
             for out in run(
-                start.T, np.zeros((4, self.sections)), zeros, zeros, _columns(levels), seeds, steps[None], step_slopes.reshape(1, -1), factors
+                start.T,
+                np.zeros((4, self.sections)),
+                zeros,
+                zeros,
+                _columns(levels),
+                seeds,
+                steps[None],
+                step_slopes.reshape(1, -1),
+                factors,
             )
         )
         motion = ReducedMotion(
@@ -247,7 +253,7 @@ class ReducedModel:
     @property
     def stations(self):
         """Arclengths at which a plant of this arm has its frames, (n + 2,), m."""
-        return plant_stations(self.arm.length, self.arm.elements)
+        return element_stations(self.arm.edges)
 
     def frames(self, strains, stations=None):
         """Frames (..., m, 3, 3), rows d1, d2, d3, at the arclengths `stations` (m; the plant's when omitted)."""
@@ -255,7 +261,7 @@ class ReducedModel:
 
     def points(self, strains):
         """Node positions (..., n + 1, 3), m, of as many elements as the plant has."""
-        return node_points(strains, self.frames(strains), self.arm.length)
+        return element_points(strains, self.frames(strains), self.arm.edges)
 
     def trace(self, time, strains, convention=None):
         """Topology over time, by the formula that also measures the plant, as `octoctrl.sim.trace.TopologyTrace`."""
@@ -263,20 +269,36 @@ class ReducedModel:
         from octoctrl.sim.trace import TopologyConvention
 
         frames = self.frames(strains)
-        return measure(time, node_points(strains, frames, self.arm.length), frames, TopologyConvention() if convention is None else convention)
+        return measure(
+            time, element_points(strains, frames, self.arm.edges), frames, TopologyConvention() if convention is None else convention
+        )
 
     def strains_from_frames(self, stations, frames, stretch):
-        """Section strains (..., S, 4) of measured frames (..., m, 3, 3) at `stations` (m,), m, and element stretches (..., n).
+        """Section strains of a measured shape; to project many frames one by one, keep a `StrainFit`.
 
-        To project many frames one by one, keep a `StrainFit`.
+        Parameters
+        ----------
+        stations : (n + 2,) array_like, m
+            Base, element centres, tip.
+        frames : (..., n + 2, 3, 3) array_like
+        stretch : (..., n) array_like
+            Of the elements.
+
+        Returns
+        -------
+        (..., S, 4) float64
         """
-        return StrainFit(stations, self.arm.length, self.sections, np.shape(stretch)[-1])(frames, stretch)
+        if np.shape(frames)[-3:] != (len(stations), 3, 3) or np.shape(stretch)[-1] != len(stations) - 2:
+            raise OctoctrlError(
+                f"frames {np.shape(frames)} and stretch {np.shape(stretch)} do not fit {len(stations)} stations: base, element centres, tip"
+            )
+        return StrainFit(stations, self.sections)(frames, stretch)
 
     def outputs_function(self):
         """Topology and tip pose as a smooth `casadi.Function`; see `octoctrl.planners.reduced_outputs.outputs`."""
         from .reduced_outputs import outputs
 
-        return outputs(self.arm.length, self.sections, self.arm.elements)
+        return outputs(self.arm, self.sections)
 
     def output_slopes(self, strains, pole=(0.0, 0.0, 1.0)):
         """Outputs and their derivatives.
@@ -297,7 +319,7 @@ class ReducedModel:
 
         strains = np.asarray(strains, dtype=float)
         count = len(strains)
-        function = output_slopes(self.arm.length, self.sections, self.arm.elements).map(count)
+        function = output_slopes(self.arm, self.sections).map(count)
         values, slopes = function(strains.reshape(-1, 4).T, np.tile(np.asarray(pole, dtype=float)[:, None], (1, count)))
         slopes = np.asarray(slopes).reshape(len(OUTPUTS), count, self.sections, 4)
         return np.asarray(values).T, slopes.swapaxes(0, 1)

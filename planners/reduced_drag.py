@@ -184,9 +184,7 @@ def drag_matrix(shape, hats, drag, rates, factors):
     for (first, m), (torque, force) in pending.items():
         for n in range(first):
             blocks[n, m] += _power(jacobians[n], torque, force)
-    return ca.vertcat(
-        *(ca.horzcat(*(blocks[n, m] if n <= m else blocks[m, n].T for m in range(sections))) for n in range(sections))
-    )
+    return ca.vertcat(*(ca.horzcat(*(blocks[n, m] if n <= m else blocks[m, n].T for m in range(sections))) for n in range(sections)))
 
 
 def drag_force(shape, hats, drag, rates, moved, factors):

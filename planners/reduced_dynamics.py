@@ -21,7 +21,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from octoctrl.sim.arm import MUSCLE_GROUPS
 
@@ -159,8 +158,7 @@ class _Solved(NamedTuple):
 @lru_cache(maxsize=16)
 def _parts(structure):
     arm, sections = structure.arm, structure.sections
-    length = arm.length / sections
-    constants = section_constants(arm, (np.arange(sections) + 0.5) * length, length)
+    constants = section_constants(arm, sections)
     q, u = ca.SX.sym("q", 4), ca.SX.sym("u", GROUPS)
     place, factors = ca.SX.sym("c", len(CONSTANTS)), ca.SX.sym("factors", len(FACTORS))
     forces = section_forces(arm, structure.laws, q, u, place, factors)

@@ -4,8 +4,8 @@ Strains (k1, k2, k3, e) are continuous along the arm: values at the section cent
 stations they are replaced by their mean, and the frame is turned by the exact exponential of it; d/ds d_j = k x d_j with k in the
 material frame, so that the frame with columns d1, d2, d3 obeys R' = R [k]x. Arrays of frames hold d1, d2, d3 as rows, as the plant's do.
 
-The arm starts at the origin with d1 = +z, d2 = +x, d3 = +y. The stations of a plant of n elements are the base, the n element centres
-and the tip, so the curvature of the whole interval [0, L] is counted, half elements at the ends included.
+The arm starts at the origin with d1 = +z, d2 = +x, d3 = +y. The stations of a plant of n elements, which may differ in length, are the
+base, the n element centres and the tip, so the curvature of the whole interval [0, L] is counted, half elements at the ends included.
 """
 
 import numpy as np
@@ -30,9 +30,23 @@ def hat_means(edges, length, sections):
     return np.diff(integral, axis=0) / np.diff(edges)[:, None]
 
 
+def element_stations(edges):
+    """Stations of a plant whose elements are bounded by `edges` (n + 1,), m: base, element centres, tip, (n + 2,), m."""
+    edges = np.asarray(edges, dtype=float)
+    return np.concatenate([edges[:1], (edges[1:] + edges[:-1]) / 2, edges[-1:]])
+
+
 def plant_stations(length, elements):
-    """Stations of a plant of `elements` elements: base, element centres, tip, (elements + 2,), m."""
-    return np.concatenate([[0.0], (np.arange(elements) + 0.5) * length / elements, [length]])
+    """Stations (elements + 2,), m, of an arm of this length (m) in equal elements."""
+    return element_stations(np.linspace(0.0, length, elements + 1))
+
+
+def element_lengths(stations):
+    """Lengths of a plant's elements (n,), m, from its stations (n + 2,), m; inverse of `element_stations`."""
+    edges = [stations[0]]
+    for centre in stations[1:-1]:
+        edges.append(2 * centre - edges[-1])
+    return np.diff(edges)
 
 
 def rotations(vectors):
@@ -79,14 +93,19 @@ def integrate_frames(strains, stations, length):
     return frames
 
 
-def node_points(strains, frames, length):
-    """Node positions (..., n + 1, 3), m, from strains and the frames (..., n + 2, 3, 3) at the stations of a plant of n elements."""
-    elements = frames.shape[-3] - 2
-    stretch = hat_means(np.linspace(0.0, length, elements + 1), length, np.shape(strains)[-2]) @ np.asarray(strains)[..., 3:]
-    steps = frames[..., 1:-1, 2, :] * stretch * (length / elements)
-    points = np.zeros((*steps.shape[:-2], elements + 1, 3))
+def element_points(strains, frames, edges):
+    """Node positions (..., n + 1, 3), m, from strains and frames (..., n + 2, 3, 3) of an arm with the element `edges` (n + 1,), m."""
+    edges = np.asarray(edges, dtype=float)
+    stretch = hat_means(edges, edges[-1], np.shape(strains)[-2]) @ np.asarray(strains)[..., 3:]
+    steps = frames[..., 1:-1, 2, :] * stretch * np.diff(edges)[:, None]
+    points = np.zeros((*steps.shape[:-2], len(edges), 3))
     np.cumsum(steps, axis=-2, out=points[..., 1:, :])
     return points
+
+
+def node_points(strains, frames, length):
+    """Node positions (..., n + 1, 3), m, from strains and frames (..., n + 2, 3, 3) of an arm of this length (m) in equal elements."""
+    return element_points(strains, frames, np.linspace(0.0, length, frames.shape[-3] - 1))
 
 
 class StrainFit:
@@ -98,23 +117,23 @@ class StrainFit:
     Parameters
     ----------
     stations : (m,) float64, m
-    length : float, m
+        Base, element centres, tip.
     sections : int
-    elements : int
-        Number of elements whose stretch is measured.
     """
 
-    def __init__(self, stations, length, sections, elements):
+    def __init__(self, stations, sections):
         stations = np.asarray(stations, dtype=float)
-        widths = np.diff(stations)
-        self.rotation_map = np.linalg.pinv(np.cumsum(hat_means(stations, length, sections) * widths[:, None], axis=0))
-        edges = np.linspace(0.0, length, elements + 1)
-        self.stretch_map = np.linalg.pinv(np.cumsum(hat_means(edges, length, sections), axis=0))
+        length, widths, lengths = stations[-1], np.diff(stations), element_lengths(stations)
+        self._lengths = lengths[:, None]
+        self._rotation_map = np.linalg.pinv(np.cumsum(hat_means(stations, length, sections) * widths[:, None], axis=0))
+        edges = np.concatenate([[0.0], np.cumsum(lengths)])
+        edges[-1] = length
+        self._stretch_map = np.linalg.pinv(np.cumsum(hat_means(edges, length, sections) * self._lengths, axis=0))
 
     def __call__(self, frames, stretch):
         """Section strains (..., S, 4) of frames (..., m, 3, 3) and stretches (..., n)."""
         frames = np.asarray(frames, dtype=float)
         turns = rotation_vectors(frames[..., :-1, :, :] @ np.swapaxes(frames[..., 1:, :, :], -1, -2))
-        curvatures = self.rotation_map @ np.cumsum(turns, axis=-2)
-        stretches = self.stretch_map @ np.cumsum(np.asarray(stretch, dtype=float), axis=-1)[..., None]
+        curvatures = self._rotation_map @ np.cumsum(turns, axis=-2)
+        stretches = self._stretch_map @ np.cumsum(np.asarray(stretch, dtype=float)[..., None] * self._lengths, axis=-2)
         return np.concatenate([curvatures, stretches], axis=-1)

@@ -10,7 +10,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from .reduced_kinematics import BASE_FRAME, hat_means, plant_stations
+from .reduced_kinematics import BASE_FRAME, element_stations, hat_means
 
 
 def exponential(vector, angle):
@@ -20,14 +20,14 @@ def exponential(vector, angle):
 
 
 @lru_cache(maxsize=8)
-def outputs(length, sections, elements):
+def outputs(arm, sections):
     """Topology and tip pose as a smooth `casadi.Function`, by the same formula that measures the plant.
 
     Parameters
     ----------
-    length : float, m
-    sections, elements : int
-        Sections of the model; elements whose stations carry the frames.
+    arm : Arm
+        Its elements' stations carry the frames.
+    sections : int
 
     Returns
     -------
@@ -46,25 +46,25 @@ def outputs(length, sections, elements):
     self-crossings, at each of which the Gauss writhe jumps by two.
     """
     q, pole = ca.SX.sym("strains", 4, sections), ca.SX.sym("pole", 3)
-    stations = plant_stations(length, elements)
-    turns = q[:3, :] @ ca.DM((hat_means(stations, length, sections) * np.diff(stations)[:, None]).T)
-    edges = np.linspace(0.0, length, elements + 1)
-    stretch = q[3, :] @ ca.DM(hat_means(edges, length, sections).T)
+    edges = arm.edges
+    stations, lengths = element_stations(edges), np.diff(edges)
+    turns = q[:3, :] @ ca.DM((hat_means(stations, arm.length, sections) * np.diff(stations)[:, None]).T)
+    extents = q[3, :] @ ca.DM((hat_means(edges, arm.length, sections) * lengths[:, None]).T)
     frame = ca.SX(ca.DM(BASE_FRAME.T))
     base = tangent = frame[:, 2]
     tip, area, spin = ca.SX.zeros(3), 0, 0
-    for index in range(elements + 1):
+    for index in range(arm.elements + 1):
         vector = turns[:, index]
         angle = ca.sqrt(ca.sumsqr(vector) + 1e-14)
         frame = frame @ exponential(vector, angle)
         before, tangent = tangent, frame[:, 2]
         area += _triangle(pole, before, tangent)
         spin += 2 * ca.atan2(vector[2] / angle * ca.sin(angle / 2), ca.cos(angle / 2))
-        if index < elements:
-            tip += tangent * stretch[index] * (length / elements)
+        if index < arm.elements:
+            tip += tangent * extents[index]
     twist = ca.sum2(turns[2, :]) / (2 * np.pi)
     link = (area + _triangle(pole, tangent, base) + spin) / (2 * np.pi)
-    total = ca.sum2(stretch) * (length / elements)
+    total = ca.sum2(extents)
     names = ["twist", "lifted_writhe", "lifted_link", "length", "tip", "tip_frame", "uturn"]
     return ca.Function(
         "outputs", [q, pole], [twist, link - twist, link, total, tip, frame, 1 + ca.dot(base, tangent)], ["strains", "pole"], names
@@ -72,9 +72,9 @@ def outputs(length, sections, elements):
 
 
 @lru_cache(maxsize=8)
-def output_slopes(length, sections, elements):
+def output_slopes(arm, sections):
     """(strains (4, S), pole (3,)) -> twist, lifted writhe, lifted link, length, tip (3), U-turn in one column, and derivatives (8, 4 S)."""
-    function = outputs(length, sections, elements)
+    function = outputs(arm, sections)
     q, pole = ca.SX.sym("strains", 4, sections), ca.SX.sym("pole", 3)
     twist, writhe, link, total, tip, _, uturn = function(q, pole)
     values = ca.vertcat(twist, writhe, link, total, tip, uturn)

@@ -27,6 +27,7 @@ import numpy as np
 
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, azimuth
 
+from .reduced_kinematics import hat_means
 from .reduced_parameters import FACTORS
 
 RATE_BLEND = 0.01
@@ -51,12 +52,29 @@ GENERIC = {"longitudinal": GenericLaw((0.93, 1.2, -5.0), 2.7, 0.06), "transverse
 """Rough shapes, from which identification starts: level, slope and curvature at rest length; slope and onset of the passive hinge."""
 
 
-def section_constants(arm, centres, length):
-    """Constants of the sections, (len(CONSTANTS), S), SI units, at the arclengths `centres` (m); `length` is a section's length, m."""
-    section = arm.section(centres)
+def section_constants(arm, sections, samples=60):
+    """Constants of the sections, (len(CONSTANTS), S), SI units.
+
+    A section stands for all of the arm in which its hat function acts, where the radius r may fall by half. Its curvature at rest is
+    to be the mean of the arm's, which goes with 1/r, and its stiffness the integral of the arm's, which goes with r^4: so a section
+    has the harmonic mean radius and counts for the length that gives it that stiffness.
+
+    Parameters
+    ----------
+    arm : Arm
+    sections : int
+    samples : int
+        Points per section of the integrals.
+    """
+    grid = np.linspace(0.0, arm.length, sections * samples + 1)
+    hats = hat_means(grid, arm.length, sections)
+    outline = arm.section((grid[1:] + grid[:-1]) / 2).outline
+    harmonic = hats.sum(axis=0) / (1 / outline @ hats)
+    lengths = arm.length / (sections * samples) * (outline**4 @ hats) / harmonic**4
+    section = arm.section(np.interp(-harmonic, -arm.section(grid).outline, grid))
     offsets = (section.muscle_offset, section.oblique_offset, section.oblique_stretch)
     stiffness = (section.bending_stiffness, section.twist_stiffness)
-    return np.array([*section.areas, *offsets, *stiffness, np.full(len(centres), length)])
+    return np.array([*section.areas, *offsets, *stiffness, lengths])
 
 
 def hinge(x, width):

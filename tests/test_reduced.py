@@ -1,0 +1,416 @@
+"""Reduced model: dense NumPy twins, derivatives against differences, statics, kinematics, cost."""
+
+from dataclasses import replace
+from itertools import pairwise
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from octoctrl.planners.reduced import LAWS, ReducedModel, ReducedParameters
+from octoctrl.planners.reduced_drag import SLOWEST, element_edges
+from octoctrl.planners.reduced_dynamics import functions
+from octoctrl.planners.reduced_kinematics import BASE_FRAME, hat_means, hat_values, rotation_vectors, rotations
+from octoctrl.planners.reduced_parameters import FACTORS
+from octoctrl.planners.reduced_statics import CONSTANTS, section_constants
+from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.arm import MUSCLE_GROUPS, Arm, azimuth
+from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.scene import Scene
+
+COIL = Activation(
+    templates=(
+        Plateau(groups=("R-OM",), level=0.3, rise=0.5, offset=3.0, fall=0.5),
+        Plateau(groups=("LM1", "LM2", "LM8"), level=0.3, onset=1.5, rise=4.0),
+        Plateau(groups=("L-OM",), level=0.3, onset=4.1, rise=1.0),
+    )
+)
+"""Programme of Fig. 2c of Tekinalp et al. (2024)."""
+
+
+@pytest.fixture(scope="module")
+def model():
+    return ReducedModel()
+
+
+@pytest.fixture(scope="module")
+def bent():
+    """A strongly bent and twisted shape, rates and levels; fibres away from the kinks of the laws."""
+    draw = np.random.default_rng(3)
+    outline = 1 - np.linspace(0.06, 0.94, 8) * 11 / 12
+    strains = np.column_stack([12 / outline, -6 / outline * draw.uniform(0.5, 1, 8), -20 / outline**0.5, draw.uniform(0.87, 0.93, 8)])
+    rates = draw.normal(size=(8, 4)) * [20.0, 20.0, 20.0, 0.2]
+    levels = draw.uniform(0.1, 0.4, size=(11, 8))
+    return strains, rates, levels
+
+
+def factors(model):
+    return model.parameters.vector()
+
+
+# Twins
+
+
+def moved_nodes(model, strains, pieces=60):
+    """Positions and frames of the element ends, every element cut into many pieces of the same strain."""
+    edges = element_edges(model.arm, model.sections)
+    hats = hat_means(edges, model.arm.length, model.sections)
+    frame, point, nodes, frames = BASE_FRAME.copy(), np.zeros(3), [], []
+    for weights, width in zip(hats, np.diff(edges), strict=True):
+        k1, k2, k3, e = weights @ strains
+        step = width / pieces
+        half = rotations(0.5 * step * np.array([k1, k2, k3])).T
+        for _ in range(pieces):
+            frame = half @ frame
+            point = point + e * step * frame[2]
+            frame = half @ frame
+        nodes.append(point)
+        frames.append(frame)
+    return np.array(nodes), np.array(frames)
+
+
+def dense_drag(model, strains, rates):
+    """J' M J with a Jacobian from central differences of positions and frames."""
+    arm, water = model.arm, model.scene.water
+    edges = element_edges(arm, model.sections)
+    _, frames = moved_nodes(model, strains)
+    columns = []
+    for index in range(strains.size):
+        shift = np.zeros(strains.size)
+        shift[index] = 1e-5 * (1 if index % 4 == 3 else 100)
+        (p, f), (m, g) = (moved_nodes(model, strains + sign * shift.reshape(strains.shape)) for sign in (1, -1))
+        spin = rotation_vectors(np.swapaxes(f, 1, 2) @ g)  # laboratory rotation from + to -
+        columns.append(np.concatenate([p - m, -spin], axis=1) / (2 * shift[index]))
+    jacobian = np.moveaxis(np.array(columns), 0, -1)  # (M, 6, 4 S)
+    section = arm.section(edges[1:])
+    widths = np.diff(edges)
+    weights = (widths + np.append(widths[1:], 0.0)) / 2
+    (_, _, ring, oblique), (_, _, ring_inertia, oblique_inertia) = section.masses, section.polar_inertias
+    velocity = jacobian[:, :3] @ rates.ravel()
+    total = np.zeros((strains.size, strains.size))
+    for j, weight in enumerate(weights):
+        tangent = frames[j, 2]
+        across = np.eye(3) - np.outer(tangent, tangent)
+        speed = np.sqrt(np.sum((across @ velocity[j]) ** 2) + SLOWEST**2)
+        force = (water.ring_rate * ring[j] + water.oblique_rate * oblique[j]) * np.eye(3)
+        force += 0.5 * water.density * water.normal_coefficient * 16 * section.muscle_radius[j] * speed * across
+        polar = water.ring_rate * ring_inertia[j] + water.oblique_rate * oblique_inertia[j]
+        torque = polar * (np.outer(tangent, tangent) + across / 2)
+        total += weight * (jacobian[j, :3].T @ force @ jacobian[j, :3] + jacobian[j, 3:].T @ torque @ jacobian[j, 3:])
+    return total
+
+
+def fibres(model, index):
+    """(group, law, area, passive factor, level index, length function, rest) of all fibres of one section."""
+    arm = model.arm
+    place = dict(zip(CONSTANTS, section_constants(arm, model.sections)[:, index], strict=True))
+    nu = arm.lumped.hoop_ratio
+
+    def straight(angle):
+        def length(q):
+            radius = place["muscle_offset"] * q[3] ** -nu
+            x = q[3] + radius * (q[0] * np.cos(angle) - q[1] * np.sin(angle))
+            return np.hypot(x, radius * q[2])
+
+        return length
+
+    def helix(hand):
+        return lambda q: np.hypot(q[3], place["oblique_offset"] * q[3] ** -nu * (hand * 2 * np.pi / arm.oblique_pitch + q[2]))
+
+    for number, group in enumerate(MUSCLE_GROUPS[:8]):
+        yield arm.longitudinal, place["muscle_area"], 1.0, number, straight(azimuth(group)), 1.0
+    for number, hand in ((8, 1), (9, -1)):
+        yield arm.oblique, place["oblique_area"], arm.lumped.oblique_passive, number, helix(hand), place["oblique_stretch"]
+    yield arm.transverse, place["ring_area"], 1.0, 10, lambda q: q[3] ** -nu, 1.0
+    yield arm.longitudinal, place["cord_area"], 1.0, None, lambda q: q[3], 1.0
+
+
+def dense_section(model, index, q, rate, levels):
+    """Force at rest and loss of force at `rate` of one section, from the muscle laws and differences of the fibre lengths."""
+    place = dict(zip(CONSTANTS, section_constants(model.arm, model.sections)[:, index], strict=True))
+    shifts = np.diag([1e-3, 1e-3, 1e-3, 1e-6])
+    force = np.array([place["bending"], place["bending"], place["twisting"], 0.0]) * q
+    lost = np.zeros(4)
+    for law, area, passive, number, length, rest in fibres(model, index):
+        gradient = np.array([(length(q + d) - length(q - d)) / (2 * d.sum()) for d in shifts])
+        s = length(q) / rest
+        level = 0.0 if number is None else levels[number]
+        active = level * law.maximum_stress * law.active_factor(s)
+        force += area * (active + passive * law.passive_stress(s)) / s * gradient
+        speed = gradient @ rate / rest
+        lost += area * active * (law.velocity_factor(-speed / law.maximum_rate) - 1) / s * gradient
+    return place["length"] * force, place["length"] * lost
+
+
+def test_drag_is_that_of_a_dense_jacobian(model, bent):
+    strains, rates, _ = bent
+    expected = dense_drag(model, strains, rates)
+    found = functions(model.structure).drag(strains.T, rates.T, factors(model)).full()
+    size = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found / np.outer(size, size), expected / np.outer(size, size), atol=3e-3)
+    assert abs(found - found.T).max() < 1e-12 * abs(found).max()
+
+
+def test_forces_are_those_of_the_muscle_laws(model, bent):
+    strains, rates, levels = bent
+    force = functions(model.structure).statics(strains.T, levels, factors(model))[0].full().T
+    viscosity = functions(model.structure).viscosity(strains.T, rates.T, levels, factors(model)).full()
+    resisting = (viscosity @ rates.ravel()).reshape(-1, 4)
+    for index in range(model.sections):
+        expected, lost = dense_section(model, index, strains[index], rates[index], levels[:, index])
+        scale = np.array([*3 * [section_constants(model.arm, 8)[4, index]], 1.0]) * abs(expected[3])
+        np.testing.assert_allclose(force[index] / scale, expected / scale, atol=2e-3)
+        scale *= np.abs(lost / scale).max() / np.abs(expected[3] / scale[3])
+        np.testing.assert_allclose(resisting[index] / scale, lost / scale, atol=5e-2)  # branches are blended near zero rate
+
+
+def test_step_solves_the_dense_equations(model, bent):
+    strains, rates, levels = bent
+    built = functions(model.structure)
+    h, r = 0.05, rates
+    for _ in range(2):
+        force, tangent, _, _ = (part.full() for part in built.statics(strains.T, levels, factors(model)))
+        stiffness = np.zeros((32, 32))
+        for k in range(8):
+            stiffness[4 * k : 4 * k + 4, 4 * k : 4 * k + 4] = tangent[:, 4 * k : 4 * k + 4]
+        damping = built.drag(strains.T, r.T, factors(model)) + built.viscosity(strains.T, r.T, levels, factors(model))
+        motion = np.linalg.solve(damping.full() + h * stiffness, -h * force.T.ravel()).reshape(8, 4)
+        r = motion / h
+    found, rate = (part.full().T for part in model.step_function()(strains.T, rates.T, levels, h))
+    np.testing.assert_allclose(found - strains, motion, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(rate, r, rtol=1e-6, atol=1e-8)
+
+
+# Derivatives
+
+
+@pytest.mark.parametrize("laws", LAWS)
+def test_tangent_is_the_derivative_of_the_force(laws, bent):
+    model, (strains, _, levels) = ReducedModel(laws=laws), bent
+    statics = functions(model.structure).statics
+    tangent = statics(strains.T, levels, factors(model))[1].full().reshape(4, 8, 4).swapaxes(0, 1)
+    assert abs(tangent - tangent.swapaxes(1, 2)).max() < 1e-12 * abs(tangent).max()
+    for column, step in enumerate((1e-3, 1e-3, 1e-3, 1e-6)):
+        shift = np.zeros(4)
+        shift[column] = step
+        plus, minus = (statics((strains + sign * shift).T, levels, factors(model))[0].full().T for sign in (1, -1))
+        expected = (plus - minus) / (2 * step)
+        np.testing.assert_allclose(tangent[:, :, column], expected, rtol=1e-4, atol=1e-6 * abs(expected).max())
+
+
+@pytest.mark.parametrize(("laws", "tolerance"), [("generic", 1e-6), ("known", 1e-4)])
+def test_sensitivity_is_the_derivative_of_the_simulation(laws, tolerance):
+    model, draw = ReducedModel(laws=laws), np.random.default_rng(0)
+    count, parameters = 30, 4
+    levels = model.levels(COIL, np.arange(1, count + 1) * 0.1)
+    level_slopes = 0.1 * draw.normal(size=(*levels.shape, parameters)) * (levels > 0)[..., None]
+    steps, step_slopes = np.full(count, 0.1), 0.01 * draw.normal(size=(count, parameters))
+    motion, slopes = model.sensitivities(levels, level_slopes, steps, step_slopes)
+    np.testing.assert_allclose(motion.strains, model.simulate_levels(levels, steps).strains, atol=1e-9)
+    for column in (0, 3):
+        shift = 1e-5
+        plus, minus = (
+            model.simulate_levels(levels + s * level_slopes[..., column], steps + s * step_slopes[:, column]).strains
+            for s in (shift, -shift)
+        )
+        expected = (plus - minus) / (2 * shift)
+        assert abs(slopes[..., column] - expected).max() < tolerance * abs(expected).max()
+
+
+def test_linearisation_is_the_derivative_of_a_converged_step(bent):
+    model, (strains, _, levels), h = ReducedModel(laws="generic"), bent, 0.05
+    step = model.step_function()
+
+    def converged(strains, levels):
+        rate = np.zeros((8, 4))
+        for _ in range(40):
+            found, rate = (part.full().T for part in step(strains.T, rate.T, levels, h))
+        return found, rate
+
+    _, rate = converged(strains, levels)
+    a, b = model.linearise(strains[None], rate[None], levels[None], [h])
+    draw = np.random.default_rng(1)
+    dq, du = draw.normal(size=(8, 4)) * [1.0, 1.0, 1.0, 1e-3], 0.1 * draw.normal(size=(11, 8))
+    (plus, _), (minus, _) = (converged(strains + s * dq, levels + s * du) for s in (1e-4, -1e-4))
+    expected = ((plus - minus) / 2e-4).ravel()
+    found = a[0] @ dq.ravel() + np.tensordot(b[0], du, 2)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5 * abs(expected).max())
+
+
+def test_output_slopes_are_derivatives(model, bent):
+    strains = bent[0]
+    pole = (0.0, 0.0, 1.0)
+    values, slopes = model.output_slopes(strains[None], pole)
+    for section, strain, step in ((0, 0, 1e-4), (5, 2, 1e-4), (7, 3, 1e-7)):
+        shift = np.zeros_like(strains)
+        shift[section, strain] = step
+        plus, minus = (model.output_slopes((strains + s * shift)[None], pole)[0] for s in (1, -1))
+        expected = (plus - minus)[0] / (2 * step)
+        np.testing.assert_allclose(slopes[0, :, section, strain], expected, rtol=1e-5, atol=1e-7)
+    assert values.shape == (1, 8)
+
+
+# Physics
+
+
+def test_drag_dissipates_what_the_nodes_feel(model, bent):
+    strains, rates, levels = bent
+    drag = functions(model.structure).drag(strains.T, rates.T, factors(model)).full()
+    viscosity = functions(model.structure).viscosity(strains.T, rates.T, levels, factors(model)).full()
+    power = rates.ravel() @ drag @ rates.ravel()
+    assert power == pytest.approx(rates.ravel() @ dense_drag(model, strains, rates) @ rates.ravel(), rel=2e-3)
+    scale = np.sqrt(np.diag(drag))
+    assert np.linalg.eigvalsh(drag / np.outer(scale, scale)).min() > 0
+    assert np.linalg.eigvalsh(viscosity / np.outer(scale, scale)).min() > -1e-12
+
+
+def test_rest_is_an_equilibrium(model):
+    force = functions(model.structure).statics(model.rest.T, np.zeros((11, 8)), factors(model))[0].full()
+    assert abs(force).max() < 1e-15
+    np.testing.assert_allclose(model.equilibrium(np.zeros((11, 8))), model.rest, atol=1e-12)
+
+
+@pytest.mark.parametrize("laws", LAWS)
+def test_motion_ends_at_the_local_equilibrium(laws):
+    model = ReducedModel(laws=laws)
+    levels = model.levels(COIL, [7.0])
+    end = model.simulate_levels(np.repeat(levels, 200, axis=0), np.full(200, 0.2)).strains[-1]
+    np.testing.assert_allclose(end, model.equilibrium(levels[0]), rtol=1e-6, atol=1e-6)
+
+
+def test_end_state_does_not_depend_on_the_water(model):
+    levels = np.repeat(model.levels(COIL, [7.0]), 200, axis=0)
+    thick = replace(model, scene=Scene.free(factor=2.0))
+    ends = [case.simulate_levels(levels, np.full(200, 0.2)).strains[-1] for case in (model, thick)]
+    np.testing.assert_allclose(*ends, rtol=1e-5, atol=1e-5)
+
+
+def test_mirrored_muscles_mirror_the_motion(model):
+    """Exchanging the oblique families and the sides of the arm turns twist and writhe round."""
+    mirror = {"R-OM": "L-OM", "L-OM": "R-OM"} | {f"LM{m}": f"LM{(9 - m) % 8 + 1}" for m in range(1, 9)}
+    mirrored = Activation(templates=tuple(replace(t, groups=tuple(mirror[g] for g in t.groups)) for t in COIL.templates))
+    one, two = (model.simulate(programme, 4.0) for programme in (COIL, mirrored))
+    np.testing.assert_allclose(two.strains, one.strains * [1, -1, -1, 1], rtol=1e-5, atol=1e-5)
+
+
+def test_steps_converge_with_order_one(model):
+    ends = [model.simulate(COIL, 2.0, step=0.1 / 2**k).strains[-1] for k in range(4)]
+    errors = [abs(ends[k] - ends[k + 1]).max() for k in range(3)]
+    assert 0.7 < np.log2(errors[1] / errors[2]) < 1.4
+
+
+def test_coil_programme_tells_the_known_story(model):
+    motion = model.simulate(COIL, 7.0)
+    trace = model.trace(motion.time, motion.strains)
+    assert trace.twist[30] == pytest.approx(-1.14, abs=0.05)
+    assert trace.lifted_writhe[90] == pytest.approx(-2.05, abs=0.15)
+    assert trace.crossings[-1] == -2
+    assert trace.twist[-1] == pytest.approx(1.1, abs=0.05)
+
+
+# Kinematics
+
+
+def test_curvature_is_counted_over_the_whole_arm(model):
+    """Half elements at the ends included: uniform twist rate gives k3 L / 2 pi, not (n - 1) / n of it."""
+    strains = model.rest
+    strains[:, 2] = 40.0
+    turns = 40.0 * model.arm.length / (2 * np.pi)
+    trace = model.trace([0.0, 1.0], np.stack([strains, strains]))
+    assert trace.twist[0] == pytest.approx(turns, rel=1e-12)
+    assert model.output_slopes(strains[None])[0][0, 0] == pytest.approx(turns, rel=1e-12)
+
+
+def test_constant_curvature_is_a_circle(model):
+    strains = model.rest
+    strains[:, 0] = 2 * np.pi / model.arm.length
+    even = replace(model, arm=Arm.octopus(grading=0.0))
+    assert abs(even.points(strains)[-1]).max() < 1e-12  # a closed polygon
+    frames = model.frames(strains)
+    np.testing.assert_allclose(frames[-1], BASE_FRAME, atol=1e-12)
+    quarter = model.frames(strains, [0.0, model.arm.length / 4])[1]
+    np.testing.assert_allclose(quarter[0], BASE_FRAME[0], atol=1e-12)  # k1 turns about d1
+    np.testing.assert_allclose(quarter[2], -BASE_FRAME[1], atol=1e-12)
+
+
+def test_hat_means_integrate_exactly():
+    edges = np.array([0.0, 0.03, 0.031, 0.1, 0.2])
+    fine = np.linspace(0.0, 0.2, 200001)
+    values = hat_values((fine[1:] + fine[:-1]) / 2, 0.2, 6)
+    for row, (low, high) in zip(hat_means(edges, 0.2, 6), pairwise(edges), strict=True):
+        inside = (fine[1:] <= high + 1e-12) & (fine[:-1] >= low - 1e-12)
+        np.testing.assert_allclose(row, values[inside].mean(axis=0), atol=1e-6)
+
+
+def test_outputs_agree_with_the_measuring_formula(model):
+    motion = model.simulate(COIL, 4.0)
+    trace, points = model.trace(motion.time, motion.strains), model.points(motion.strains)
+    values = model.output_slopes(motion.strains)[0]
+    np.testing.assert_allclose(values[:, 0], trace.twist, atol=1e-12)
+    np.testing.assert_allclose(values[:, 1], trace.lifted_writhe, atol=1e-10)
+    np.testing.assert_allclose(values[:, 4:7], points[:, -1], atol=1e-12)
+
+
+def test_strains_are_recovered_from_frames(model, bent):
+    strains = bent[0]
+    stretch = hat_means(model.arm.edges, model.arm.length, 8) @ strains[:, 3]
+    found = model.strains_from_frames(model.stations, model.frames(strains), stretch)
+    np.testing.assert_allclose(found, strains, rtol=1e-8)
+
+
+# Reach, cost, errors
+
+
+def test_reach_contains_what_the_programme_does(model):
+    limits = model.reach_limits()
+    assert limits.twist["R-OM"] == pytest.approx(-limits.twist["L-OM"], rel=1e-6)
+    assert 1.2 < limits.twist["L-OM"] < 2.5
+    assert 1.5 < limits.turns < 4.0
+    assert limits.writhe > 2.5
+    assert limits.length[0] < 0.16 < 0.2 < limits.length[1]
+    best = min(_timed(model.reach_limits) for _ in range(5))
+    assert best < 0.1
+
+
+def test_cost_per_simulated_second(model):
+    """At 0.05 s the model runs two hundred times faster than time on one core; a fifth of that is asserted on a shared machine."""
+    model.simulate(COIL, 7.0)
+    best = min(_timed(lambda: model.simulate(COIL, 7.0)) for _ in range(7))
+    half = min(_timed(lambda: model.simulate(COIL, 7.0, step=0.1)) for _ in range(7))
+    assert 7.0 / best > 40
+    assert half < 0.8 * best
+
+
+def _timed(call):
+    begin = perf_counter()
+    call()
+    return perf_counter() - begin
+
+
+def test_parameters_are_factors(model):
+    vector = np.arange(1.0, len(FACTORS) + 1)
+    parameters = ReducedParameters.from_vector(vector)
+    np.testing.assert_array_equal(parameters.vector(), vector)
+    soft = replace(model, parameters=ReducedParameters(longitudinal_stress=0.8))
+    levels = np.zeros((11, 8))
+    levels[0] = 0.3
+    weaker = levels.copy()
+    weaker[0] *= 0.8
+    np.testing.assert_allclose(soft.equilibrium(levels), model.equilibrium(weaker), atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: ReducedModel(laws="exact"), "unknown laws 'exact'"),
+        (lambda: ReducedModel(sections=1), "sections=1: a whole number from 2 to 40"),
+        (lambda: ReducedModel(scene=Scene(water=None)).simulate(COIL, 1.0), "give the scene water"),
+        (lambda: ReducedModel().simulate_levels(np.zeros((3, 11, 7)), np.ones(3)), r"\(3, 11, 8\) is needed"),
+        (lambda: ReducedModel().simulate_levels(np.zeros((1, 11, 8)), [0.0]), "steps must be positive"),
+        (lambda: ReducedModel().equilibrium(np.zeros((8, 11))), "it must end in"),
+        (lambda: ReducedModel().reach_limits(side=("LM9",)), "unknown muscle group 'LM9'"),
+    ],
+)
+def test_errors_say_what_to_do(call, message):
+    with pytest.raises(OctoctrlError, match=message):
+        call()
