@@ -24,7 +24,7 @@ import casadi as ca
 
 from octoctrl.sim.arm import MUSCLE_GROUPS
 
-from .reduced_drag import chain, drag_force, drag_matrix, element_edges, node_drag
+from .reduced_drag import Chain, chain, drag_force, drag_matrix, element_edges, node_drag
 from .reduced_kinematics import hat_means
 from .reduced_parameters import FACTORS
 from .reduced_statics import CONSTANTS, section_constants, section_forces, section_viscosity, viscous_force
@@ -99,15 +99,15 @@ def sensitivity_step(structure, directions):
         -> strains, rates, strain slopes, rate slopes``
     """
     parts = _parts(structure)
-    residual = _residual(structure, directions)
     sections, size = structure.sections, 4 * structure.sections
     q, r = ca.MX.sym("strains", 4, sections), ca.MX.sym("rates", 4, sections)
     u, h, factors = ca.MX.sym("levels", GROUPS, sections), ca.MX.sym("h"), ca.MX.sym("factors", len(FACTORS))
     dq, dr = ca.MX.sym("strain_slopes", size, directions), ca.MX.sym("rate_slopes", size, directions)
     du, dh = ca.MX.sym("level_slopes", GROUPS * sections, directions), ca.MX.sym("h_slopes", 1, directions)
+    residual = _residual(structure, directions, q, dq)
     rate, rate_slopes = r, dr
     for solved in _passes(parts, q, r, u, h, factors):
-        change = residual(q, rate, ca.reshape(solved.motion, 4, sections), u, h, factors, dq, rate_slopes, du, dh)
+        change = residual(rate, ca.reshape(solved.motion, 4, sections), u, h, factors, rate_slopes, du, dh)
         moved = -ca.solve(solved.matrix, change, "ldl")
         rate, rate_slopes = ca.reshape(solved.motion, 4, sections) / h, moved / h - solved.motion @ dh / h**2
     moved_slopes = dq + moved
@@ -133,13 +133,16 @@ def linearisation(structure):
     """
     parts = _parts(structure)
     sections, size = structure.sections, 4 * structure.sections
-    derivative = _residual_derivative(structure)
     q, r = ca.MX.sym("strains", 4, sections), ca.MX.sym("rates", 4, sections)
     u, h, factors = ca.MX.sym("levels", GROUPS, sections), ca.MX.sym("h"), ca.MX.sym("factors", len(FACTORS))
     matrix = _driving(parts, q, u, factors)[1](r, h)
-    by_strain, by_rate, by_level = derivative(q, r, h * r, u, h, factors)
-    change = -ca.solve(matrix + by_rate / h, ca.horzcat(by_strain, by_level), "lapacklu" if ca.has_linsol("lapacklu") else "qr")
-    return ca.Function("linearisation", [q, r, u, h, factors], [ca.MX.eye(size) + change[:, :size], change[:, size:]])
+    every = ca.MX.eye(size)
+    (by_strain, by_rate, by_level), _ = _local_derivatives(structure, q, r, h * r, u, h, factors)
+    shape, shape_slopes = _shape_slopes(structure, size, q, every)
+    by_strain += _drag_slopes(structure, size, "shape")(*shape, r, h * r, factors, shape_slopes)
+    by_rate += _drag_slopes(structure, size, "rates")(*shape, r, h * r, factors, every)
+    change = -ca.solve(matrix + by_rate / h, ca.horzcat(by_strain, ca.densify(by_level)), "lapacklu" if ca.has_linsol("lapacklu") else "qr")
+    return ca.Function("linearisation", [q, r, u, h, factors], [every + change[:, :size], change[:, size:]])
 
 
 class _Parts(NamedTuple):
@@ -171,8 +174,7 @@ def _parts(structure):
     edges, hats, drag = _elements(structure)
     strains, motion = ca.SX.sym("strains", 4, sections), ca.SX.sym("rates", 4, sections)
     shape = chain(strains, hats, edges)
-    columns = [ca.SX.sym(name, 3, width * len(hats)) for name, width in (("turning", 3), ("moving", 4), ("points", 1), ("tangents", 1))]
-    held = type(shape)(*(ca.horzsplit(part, part.shape[1] // len(hats)) for part in columns))
+    columns, held = _held_chain(len(hats))
     matrix = drag_matrix(held, hats, drag, motion, _named(factors))
     return _Parts(
         ca.DM(constants),
@@ -244,39 +246,43 @@ def _local_derivatives(structure, q, r, motion, u, h, factors):
     return [_block_diagonal(part, 4, width, sections) for part, width in widths], ca.vec(driving)
 
 
+def _shape_slopes(structure, directions, q, dq):
+    """The chain of elements and its derivatives along the `directions` columns of `dq`, these in one column each."""
+    chain_function = _parts(structure).chain
+    shape = chain_function(q)
+    slopes = chain_function.forward(directions)(q, *shape, ca.reshape(dq, 4, -1))
+    return shape, ca.vertcat(*(ca.reshape(part, -1, directions) for part in slopes))
+
+
 @lru_cache(maxsize=16)
-def _drag_derivative(structure, directions):
-    """Derivative of the drag force along `directions` changes of strains and rates, at fixed motion."""
+def _drag_slopes(structure, directions, by):
+    """Derivative of the drag force at fixed motion along `directions` changes of the shape, or of the rates."""
     sections = structure.sections
-    edges, hats, drag = _elements(structure)
-    q, r, motion = (ca.SX.sym(name, 4, sections) for name in ("q", "r", "dq"))
-    factors = ca.SX.sym("factors", len(FACTORS))
-    force = ca.vec(drag_force(chain(q, hats, edges), hats, drag, r, motion, _named(factors)))
-    both = ca.vertcat(ca.vec(q), ca.vec(r))
-    seeds = ca.SX.sym("seeds", 8 * sections, directions)
-    slope = ca.jtimes(force, both, seeds)
-    return ca.Function("drag_derivative", [q, r, motion, factors, seeds], [slope], {"cse": True})
+    _, hats, drag = _elements(structure)
+    columns, held = _held_chain(len(hats))
+    r, motion, factors = ca.SX.sym("r", 4, sections), ca.SX.sym("dq", 4, sections), ca.SX.sym("factors", len(FACTORS))
+    force = ca.vec(drag_force(held, hats, drag, r, motion, _named(factors)))
+    variable = ca.vec(r) if by == "rates" else ca.vertcat(*map(ca.vec, columns))
+    seeds = ca.SX.sym("seeds", variable.shape[0], directions)
+    return ca.Function("drag_slopes", [*columns, r, motion, factors, seeds], [ca.jtimes(force, variable, seeds)], {"cse": True})
 
 
-def _residual(structure, directions):
-    """Derivative of the residual along `directions` changes of everything but the motion."""
+def _held_chain(elements):
+    """Symbols for a chain of elements: as matrices, and as the lists that `Chain` holds."""
+    widths = {"turning": 3, "moving": 4, "points": 1, "tangents": 1}
+    columns = [ca.SX.sym(name, 3, width * elements) for name, width in widths.items()]
+    return columns, Chain(*(ca.horzsplit(part, width) for part, width in zip(columns, widths.values(), strict=True)))
 
-    def derivative(q, r, motion, u, h, factors, dq, dr, du, dh):
+
+def _residual(structure, directions, q, dq):
+    """Derivative of the residual along `directions` changes of everything but the motion; the shape is the same in both passes."""
+    shape, shape_slopes = _shape_slopes(structure, directions, q, dq)
+
+    def derivative(r, motion, u, h, factors, dr, du, dh):
         (by_strain, by_rate, by_level), driving = _local_derivatives(structure, q, r, motion, u, h, factors)
-        local = by_strain @ dq + by_rate @ dr + by_level @ du + driving @ dh
-        return local + _drag_derivative(structure, directions)(q, r, motion, factors, ca.vertcat(dq, dr))
-
-    return derivative
-
-
-def _residual_derivative(structure):
-    """Matrices of derivatives of the residual by strains, rates and levels."""
-    size = 4 * structure.sections
-
-    def derivative(q, r, motion, u, h, factors):
-        (by_strain, by_rate, by_level), _ = _local_derivatives(structure, q, r, motion, u, h, factors)
-        drag = _drag_derivative(structure, 2 * size)(q, r, motion, factors, ca.MX.eye(2 * size))
-        return by_strain + drag[:, :size], by_rate + drag[:, size:], ca.densify(by_level)
+        drag = _drag_slopes(structure, directions, "shape")(*shape, r, motion, factors, shape_slopes)
+        drag += _drag_slopes(structure, directions, "rates")(*shape, r, motion, factors, dr)
+        return by_strain @ dq + by_rate @ dr + by_level @ du + driving @ dh + drag
 
     return derivative
 

@@ -29,7 +29,8 @@ class ReachLimits:
     twist : dict of str to float, turns
         Stored by each oblique family alone, with its sign.
     turns : float, turns
-        Bending of the arm by `side` alone: integral of curvature over 2 pi. A coil has no more writhe than turns.
+        Bending of the arm by `side` alone: integral of curvature over 2 pi. A planar coil has at most as much writhe; telescoped on
+        through its plane, its lifted writhe goes on towards twice the turns.
     writhe : float, turns
         Largest size of the lifted writhe at rest with `side` and one oblique family at any of the levels that were tried.
     length : (float, float), m

@@ -85,7 +85,7 @@ def test_experiments_excite_every_group_and_hold_the_programme_out():
         used = set(activation.groups)
         assert not {"R-OM", "L-OM", "LM1", "LM2", "LM8"} <= used or len(activation.templates) > 3  # the coil uses these in three steps
     assert (peak >= 0.2).all()
-    assert peak.max() <= 0.4
+    assert peak.max() <= 0.6
 
 
 def test_free_factors_exist_and_leave_the_scale_alone():
