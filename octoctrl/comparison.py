@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 
 from octoctrl.planners.plan import Plan
-from octoctrl.planners.reduced_kinematics import integrate_frames, node_points, plant_stations
+from octoctrl.planners.reduced import ReducedModel
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.trace import TopologyTrace
 
@@ -151,8 +151,7 @@ def planned_points(plan: Plan, times):
     when = np.clip(times, plan.time[0], plan.time[-1])
     flat = plan.strains.reshape(len(plan.time), -1)
     strains = np.stack([np.interp(when, plan.time, column) for column in flat.T], axis=1).reshape(len(when), *plan.strains.shape[1:])
-    length = plan.arm.length
-    return node_points(strains, integrate_frames(strains, plant_stations(length, plan.arm.elements), length), length)
+    return ReducedModel(arm=plan.arm, sections=plan.strains.shape[1]).points(strains)
 
 
 def rms(values):

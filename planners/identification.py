@@ -28,6 +28,7 @@ from octoctrl.sim.scene import Scene
 from .reduced import ReducedModel
 from .reduced_kinematics import element_lengths, rotation_vectors
 from .reduced_parameters import ReducedParameters, factor_indices
+from .reduced_reach import ReachLimits
 
 INTERVAL = 0.06
 """Time between compared instants, s; also the model's step while it is fitted."""
@@ -111,6 +112,8 @@ class IdentifiedModel:
     residual_rms : float
         Root mean square of the weighted residual.
     validity : ValidityRegion
+    reach : ReachLimits
+        What the arm can do at rest under levels up to the primitives' bound, found in advance so that a task can be refused at once.
     fingerprint : str
         Of the arm.
     statistics : dict
@@ -122,6 +125,7 @@ class IdentifiedModel:
     covariance: np.ndarray
     residual_rms: float
     validity: ValidityRegion
+    reach: ReachLimits
     fingerprint: str
     statistics: dict = field(default_factory=dict)
 
@@ -141,6 +145,7 @@ class IdentifiedModel:
             "covariance": self.covariance.tolist(),
             "residual_rms": self.residual_rms,
             "validity": asdict(self.validity),
+            "reach": asdict(self.reach),
             "statistics": self.statistics,
         }
         Path(path).write_text(json.dumps(content, indent=1), encoding="utf-8")
@@ -172,6 +177,7 @@ class IdentifiedModel:
             covariance=np.array(content["covariance"]),
             residual_rms=content["residual_rms"],
             validity=ValidityRegion(**validity),
+            reach=ReachLimits(**{key: tuple(value) if isinstance(value, list) else value for key, value in content["reach"].items()}),
             fingerprint=content["arm"],
             statistics=content["statistics"],
         )
@@ -222,12 +228,14 @@ def load_identified(arm, scene=None, laws="known"):
     path = Path(__file__).parent / "identified" / f"{arm.fingerprint}-{laws}.json"
     if path.is_file():
         return IdentifiedModel.load(path, arm, scene)
+    model = ReducedModel(arm=arm, scene=Scene() if scene is None else scene, laws=laws)
     return IdentifiedModel(
-        model=ReducedModel(arm=arm, scene=Scene() if scene is None else scene, laws=laws),
+        model=model,
         names=(),
         covariance=np.zeros((0, 0)),
         residual_rms=float("nan"),
         validity=ValidityRegion(levels=dict.fromkeys(MUSCLE_GROUPS, 0.0), level_rate=0.0, bend=0.0, stretch=(1.0, 1.0)),
+        reach=model.reach_limits(),
         fingerprint=arm.fingerprint,
     )
 
@@ -298,12 +306,14 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
     plain = fit.fun
     spread = (plain @ plain) / max(len(plain) - len(free), 1)
     covariance = spread * np.linalg.pinv(fit.jac.T @ fit.jac) * np.outer(base[indices], base[indices])
+    found = adjusted(fit.x)
     return IdentifiedModel(
-        model=adjusted(fit.x),
+        model=found,
         names=free,
         covariance=covariance,
         residual_rms=float(np.sqrt(np.mean(plain**2))),
         validity=_visited(model, runs),
+        reach=found.reach_limits(),
         fingerprint=model.arm.fingerprint,
         statistics={
             "evaluations": int(fit.nfev),

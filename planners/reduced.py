@@ -5,7 +5,7 @@ of the active fibres and f the elastic and active forces, which are local to a s
 fibres, drag and time step stand in modules of their own (`reduced_kinematics`, `reduced_statics`, `reduced_drag`, `reduced_dynamics`).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -248,7 +248,42 @@ class ReducedModel:
         a, b = (np.asarray(matrix).reshape(size, count, -1).transpose(1, 0, 2) for matrix in (a, b))
         return a, b.reshape(count, size, self.sections, len(MUSCLE_GROUPS)).swapaxes(2, 3)
 
+    def drag_slopes(self, strains, rates, levels, steps, change=0.05):
+        """What a heavier water would change in each step: derivative of the next strains by a common relative error of all drag.
+
+        Parameters
+        ----------
+        strains, rates : (N, S, 4) array_like
+            As in `linearise`.
+        levels : (N, 11, S) array_like
+        steps : (N,) array_like, s
+        change : float
+            Relative change of the drag, either way, of the central difference.
+
+        Returns
+        -------
+        (N, 4 S) float64
+        """
+        from .reduced_dynamics import functions
+
+        levels, steps = self._checked(levels, steps)
+        count = len(steps)
+        step = functions(self.structure).step.map(count)
+        inputs = [np.asarray(part, dtype=float).reshape(-1, 4).T for part in (strains, rates)]
+        ends = []
+        for sign in (1, -1):
+            scale = 1 + sign * change
+            names = ("linear_drag", "quadratic_drag", "rotational_drag")
+            heavier = replace(self.parameters, **{name: scale * getattr(self.parameters, name) for name in names})
+            moved, _ = step(*inputs, _columns(levels), steps[None], np.repeat(heavier.vector()[:, None], count, axis=1))
+            ends.append(np.asarray(moved).T.reshape(count, -1))
+        return (ends[0] - ends[1]) / (2 * change)
+
     # Shape
+
+    def strain_fit(self, stations):
+        """The map from measured frames and stretches at `stations` (m,), m, to section strains, to be kept and called: a `StrainFit`."""
+        return StrainFit(stations, self.sections)
 
     @property
     def stations(self):

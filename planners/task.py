@@ -123,18 +123,22 @@ class Task:
         How writhe is measured: the pole is the axis of the coil that is expected.
     sucker_azimuth : float, rad
         Azimuth of the sucker line, for orientation.
-    time_weight, effort_weight : float
-        Price of a second, and of the square of activation times a second.
+    nominal_weight : float
+        Price of leaving the task's own durations, levels and ramps; it makes the plan unique.
+    time_weight, effort_weight, smoothness_weight : float
+        Price of a second, of the square of activation times a second, and of its squared rate of change times a second.
     """
 
     name: str
     description: str = ""
     phases: tuple[Phase, ...]
     drives: tuple[Drive, ...]
-    convention: TopologyConvention = TopologyConvention()
+    convention: TopologyConvention = field(default=TopologyConvention())
     sucker_azimuth: float = 0.0
+    nominal_weight: float = 1.0
     time_weight: float = 0.1
-    effort_weight: float = 1.0
+    effort_weight: float = 0.3
+    smoothness_weight: float = 0.1
 
     def __post_init__(self):
         names = [phase.name for phase in self.phases]
@@ -146,5 +150,6 @@ class Task:
             for phase in (drive.begins, *((drive.ends,) if drive.ends else ())):
                 if phase not in names:
                     raise OctoctrlError(f"drive '{drive.name}': unknown phase '{phase}'{suggest(phase, names)} ({', '.join(names)})")
-        check_number("time_weight", self.time_weight, at_least=0.0)
-        check_number("effort_weight", self.effort_weight, at_least=0.0)
+        check_number("nominal_weight", self.nominal_weight, above=0.0)
+        for name in ("time_weight", "effort_weight", "smoothness_weight"):
+            check_number(name, getattr(self, name), at_least=0.0)

@@ -283,10 +283,7 @@ class Plant:
 
     @staticmethod
     def _joined(pieces, note):
-        fields = {
-            name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in ("time", "points", "frames", "stretch", "levels")
-        }
-        return replace(pieces[0], **fields, complete=not note, note=note)
+        return replace(Recording.joined(pieces), complete=not note, note=note)
 
     def _with_ends(self, frames):
         """Frames (..., n, 3, 3) of elements with those of base and tip, the latter turned on by half an element of the last curvature."""

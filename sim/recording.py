@@ -1,6 +1,7 @@
 """What a run leaves behind: centreline, frames, stretch and activation over time."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -46,6 +47,28 @@ class Recording:
         for name in ("points", "frames", "stretch", "levels"):
             if len(getattr(self, name)) != count:
                 raise OctoctrlError(f"recording: {name} has {len(getattr(self, name))} instants, time has {count}")
+
+    @classmethod
+    def joined(cls, pieces):
+        """One recording of consecutive pieces; an instant at which one ends and the next begins is kept once.
+
+        Parameters
+        ----------
+        pieces : sequence of Recording
+
+        Returns
+        -------
+        Recording
+        """
+        skips = [0] + [
+            int(bool(len(before.time)) and bool(len(piece.time)) and piece.time[0] <= before.time[-1] + 1e-12)
+            for before, piece in pairwise(pieces)
+        ]
+        fields = {
+            name: np.concatenate([getattr(piece, name)[skip:] for piece, skip in zip(pieces, skips, strict=True)])
+            for name in ("time", "points", "frames", "stretch", "levels")
+        }
+        return replace(pieces[0], **fields)
 
     @property
     def length(self):

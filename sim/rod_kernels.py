@@ -201,7 +201,8 @@ def rod_kernels(stride):
 
     @kernel
     def water(b, n):
-        # Quadratic drag, split into normal and tangential parts at the mean tangent of the two elements of a node.
+        # Quadratic drag, split into normal and tangential parts at the mean tangent of the two elements of a node. v / (1 + c |v| h) is
+        # the exact solution of v' = -c |v| v, so that a whipping tip, whose drag rate exceeds 1 / h, cannot be thrown back.
         for k in range(ONE, n + ONE + ONE):
             p = k - ONE
             t1, t2, t3 = b[T1 + k] + b[T1 + p], b[T2 + k] + b[T2 + p], b[T3 + k] + b[T3 + p]
@@ -211,6 +212,7 @@ def rod_kernels(stride):
             h1, h2, h3 = v1 - g1, v2 - g2, v3 - g3
             normal = b[DRAG_NORMAL + k] * np.sqrt(h1 * h1 + h2 * h2 + h3 * h3) * b[NODE_MOBILITY + k]
             tangent = b[DRAG_TANGENT + k] * np.sqrt(g1 * g1 + g2 * g2 + g3 * g3) * b[NODE_MOBILITY + k]
+            normal, tangent = normal / (1 + normal), tangent / (1 + tangent)
             b[V1 + k] = v1 - normal * h1 - tangent * g1
             b[V2 + k] = v2 - normal * h2 - tangent * g2
             b[V3 + k] = v3 - normal * h3 - tangent * g3

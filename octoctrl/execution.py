@@ -1,0 +1,277 @@
+"""Carry out a plan on the plant, open loop or with feedback, phase by phase."""
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from octoctrl.sim.arm import MUSCLE_GROUPS
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, suggest
+from octoctrl.sim.recording import Recording
+
+from .progress import NullProgress
+from .results import Event, Execution, ExecutionStatus
+
+FEEDBACKS = ("open-loop", "tvlqr")
+
+PERIOD = 0.05
+"""Time between corrections, s."""
+
+PATIENCE = 0.3
+"""A phase whose goals are not met at its planned end is held for at most this share of its duration."""
+
+
+def execute(plan, *, feedback="tvlqr", plant=None, model=None, period=PERIOD, patience=None, settle=0.0, progress=None, checkpoint=None):
+    """Carry out a plan.
+
+    Parameters
+    ----------
+    plan : Plan
+    feedback : {"tvlqr", "open-loop"} or callable
+        A callable gets ``(time, observation)`` and returns the levels of the muscle groups: a dict of group to level, or an array (11,)
+        or (11, n) in the order of `octoctrl.sim.arm.MUSCLE_GROUPS`. It replaces the plan's activation.
+    plant : Plant, optional
+        The plan's arm and scene as a rod if omitted. It is reset.
+    model : IdentifiedModel, optional
+        The model that feedback is designed on; the one that comes with octoctrl if omitted.
+    period : float, s
+        Between corrections.
+    patience : float, optional
+        With feedback, the share of its duration for which a phase waits for its goals; `PATIENCE` if omitted.
+    settle : float, s
+        How long to go on after the last phase.
+    progress : Progress, optional
+    checkpoint : callable, optional
+        Called with the partial `Execution` after each chunk, about once per second of wall time.
+
+    Returns
+    -------
+    Execution
+        Also when interrupted or unstable: with the recording up to the last good state, and a status that says so.
+
+    Raises
+    ------
+    OctoctrlError
+        If the feedback is unknown, or the plant is another arm than the plan's.
+    """
+    from octoctrl.sim.plant import Plant
+
+    plant = Plant(plan.arm, plan.scene) if plant is None else plant
+    if abs(plant.arm.length - plan.arm.length) > 1e-9:
+        plan.check_arm(plant.arm)
+    run = _Run(plan, plant, _controller(plan, feedback, model, period), period, settle)
+    run.patience = (PATIENCE if patience is None else patience) if feedback == "tvlqr" else 0.0
+    return run.to_the_end(progress or NullProgress(), checkpoint)
+
+
+def _controller(plan, feedback, model, period):
+    if callable(feedback):
+        return _Custom(feedback)
+    if feedback not in FEEDBACKS:
+        raise OctoctrlError(f"unknown feedback '{feedback}'{suggest(str(feedback), FEEDBACKS)} ({', '.join(FEEDBACKS)}, or a callable)")
+    if feedback == "open-loop":
+        return _OpenLoop(plan)
+    from octoctrl.planners.identification import load_identified
+
+    return _Feedback(plan, (model or load_identified(plan.arm, plan.scene)).model, period)
+
+
+class _Levels:
+    """The plan's activation on the phase clock plus a correction that is linear in time over one period."""
+
+    def __init__(self, activation, real, clock, groups=(), before=0.0, after=0.0, period=1.0):
+        self.activation, self.real, self.clock = activation, real, clock
+        self.groups, self.before, self.after, self.period = groups, before, after, period
+
+    def levels(self, times, edges):
+        """Levels (T, 11, n) at the plant's times."""
+        share = (times - self.real) / self.period
+        # While a phase waits, the clock stands: `clock` holds the clock's reading at the period's begin and end.
+        levels = self.activation.levels(self.clock[0] + share * (self.clock[1] - self.clock[0]), edges)
+        if self.groups:
+            correction = self.before + np.clip(share, 0.0, 1.0)[:, None] * (self.after - self.before)
+            levels[:, [MUSCLE_GROUPS.index(group) for group in self.groups]] += correction[:, :, None]
+            np.clip(levels, 0.0, 1.0, out=levels)
+        return levels
+
+
+class _OpenLoop:
+    name = "open-loop"
+
+    def __init__(self, plan):
+        self.activation = plan.schedule.activation()
+
+    def levels(self, observation, real, clock, period):
+        return _Levels(self.activation, real, clock, period=period)
+
+    def statistics(self):
+        return {}
+
+
+class _Feedback:
+    name = "tvlqr"
+
+    def __init__(self, plan, model, period):
+        from octoctrl.planners.feedback import Tracker, design
+
+        begin = perf_counter()
+        self.activation = plan.schedule.activation()
+        self.model, self.period = model, period
+        self.tracker = Tracker(design(plan, model, period))
+        self.groups = self.tracker.design.groups
+        self.correction = np.zeros(len(self.groups))
+        self.largest, self.fit = 0.0, None
+        self.design_time = perf_counter() - begin
+
+    def levels(self, observation, real, clock, period):
+        if self.fit is None:
+            self.fit = self.model.strain_fit(observation.stations)
+        before = self.correction
+        self.correction = self.tracker.correct(round(clock[0] / self.period), self.fit(observation.frames, observation.stretch))
+        self.largest = max(self.largest, float(np.abs(self.correction).max()))
+        return _Levels(self.activation, real, clock, self.groups, before, self.correction, period)
+
+    def statistics(self):
+        errors = dict(zip((*self.groups, "drag"), self.tracker.errors.round(3).tolist(), strict=True))
+        return {"largest_correction": self.largest, "estimated_errors": errors, "design_time": self.design_time}
+
+
+class _Custom:
+    def __init__(self, function):
+        self.function = function
+        self.name = getattr(function, "__name__", type(function).__name__)
+
+    def levels(self, observation, real, clock, period):
+        answer = self.function(real, observation)
+        if isinstance(answer, dict):
+            unknown = next((group for group in answer if group not in MUSCLE_GROUPS), None)
+            if unknown is not None:
+                raise OctoctrlError(
+                    f"feedback returned a level for '{unknown}'{suggest(unknown, MUSCLE_GROUPS)} ({', '.join(MUSCLE_GROUPS)})"
+                )
+            answer = [answer.get(group, 0.0) for group in MUSCLE_GROUPS]
+        levels = np.asarray(answer, dtype=float)
+        if levels.ndim not in (1, 2) or len(levels) != len(MUSCLE_GROUPS):
+            raise OctoctrlError(f"feedback returned levels of shape {levels.shape}; (11,), (11, n) or a dict of group to level is needed")
+        return _Constant(np.broadcast_to(levels.reshape(len(levels), -1), (len(levels), len(observation.stretch))))
+
+    def statistics(self):
+        return {}
+
+
+class _Constant:
+    def __init__(self, held):
+        self.held = held
+
+    def levels(self, times, edges):
+        return np.repeat(self.held[None], len(times), axis=0)
+
+
+class _Run:
+    """One execution, period by period: real time goes on, the phase clock may wait."""
+
+    def __init__(self, plan, plant, controller, period, settle):
+        self.plan, self.plant, self.controller, self.period, self.settle = plan, plant, controller, period, settle
+        self.patience = 0.0
+        self.events, self.clocks, self.pieces = [], [], []
+        self.ends = {}
+        names = list(plan.phase_begins)
+        for name, following in zip(names, [*names[1:], None], strict=True):
+            self.ends[name] = plan.phase_begins[following] if following else plan.schedule.duration
+
+    def to_the_end(self, progress, checkpoint):
+        begin = self.saved = perf_counter()
+        plan, plant = self.plan, self.plant
+        status, note = ExecutionStatus.FINISHED, ""
+        observation, clock, waited = plant.reset(), 0.0, 0.0
+        phases = list(self.ends)
+        progress.start("running the plant", plan.schedule.duration + self.settle)
+        try:
+            while clock < plan.schedule.duration + self.settle - 1e-9:
+                step = self._period(clock)
+                hold = False
+                if phases and clock >= self.ends[phases[0]] - 1e-9:
+                    met = self._met(phases[0])
+                    allowance = self.patience * (self.ends[phases[0]] - plan.phase_begins[phases[0]])
+                    hold = not met and waited < allowance - 1e-9
+                    if not hold:
+                        self.events.append(
+                            Event(phase=phases.pop(0), planned=self._planned_end(len(self.events)), actual=plant.time, met=met)
+                        )
+                        waited = 0.0
+                if hold:
+                    step, waited = self.period, waited + self.period
+                reading = (clock, clock if hold else clock + step)
+                levels = self.controller.levels(observation, plant.time, reading, step)
+                piece = plant.advance(levels, step)
+                self.pieces.append(piece)
+                share = (piece.time - piece.time[0]) / step
+                self.clocks.append(reading[0] + share * (reading[1] - reading[0]))
+                clock, observation = reading[1], plant.observe()
+                if not piece.complete:
+                    raise KeyboardInterrupt
+                progress.advance(clock, phases[0] if phases else "settling")
+                if checkpoint is not None and perf_counter() - self.saved > 1.0:
+                    checkpoint(self._result(ExecutionStatus.INTERRUPTED, "still running", perf_counter() - begin))
+                    self.saved = perf_counter()
+            for phase in phases:
+                self.events.append(Event(phase=phase, planned=self._planned_end(len(self.events)), actual=plant.time, met=self._met(phase)))
+        except KeyboardInterrupt:
+            status, note = ExecutionStatus.INTERRUPTED, f"interrupted at t={plant.time:.2f} s"
+        except PlantUnstableError as error:
+            status, note = ExecutionStatus.UNSTABLE, str(error)
+            if error.recording is not None and len(error.recording.time):
+                self.pieces.append(error.recording)
+                self.clocks.append(np.minimum(clock + error.recording.time - error.recording.time[0], plan.schedule.duration))
+        finally:
+            progress.stop()
+        return self._result(status, note, perf_counter() - begin)
+
+    def _period(self, clock):
+        """To the next multiple of the period on the clock, or the end; whole samples."""
+        sample = self.plant.sample_interval
+        end = min((np.floor(clock / self.period + 1e-6) + 1) * self.period, self.plan.schedule.duration + self.settle)
+        return max(round((end - clock) / sample), 1) * sample
+
+    def _planned_end(self, index):
+        return float(list(self.ends.values())[index])
+
+    def _met(self, phase):
+        """Whether the goals of a phase hold on the plant now."""
+        from octoctrl.sim.topology import frame_twist, lifted_writhe
+
+        goals = next(item.goals for item in self.plan.task.phases if item.name == phase)
+        if not goals:
+            return True
+        frames = np.concatenate([piece.frames[-1:] for piece in self.pieces])
+        values = {
+            "twist": float(frame_twist(frames[-1])),
+            "lifted_writhe": float(lifted_writhe(frames, self.plan.task.convention.pole)[-1]),
+            "length": float(self.pieces[-1].length[-1]),
+        }
+        values["lifted_link"] = values["twist"] + values["lifted_writhe"]
+        return all(abs(values[goal.quantity] - goal.value) <= goal.tolerance for goal in goals)
+
+    def _result(self, status, note, wall_time):
+        from octoctrl.sim.topology import measure
+
+        recording = Recording.joined(self.pieces)
+        recording = replace(recording, complete=status is ExecutionStatus.FINISHED, note=note)
+        clock = np.concatenate([self.clocks[0], *(part[1:] for part in self.clocks[1:])])
+        convention = self.plan.task.convention
+        trace = measure(recording.time, recording.points, recording.frames, convention)
+        planned = self.plan.trace.at(np.clip(clock, 0.0, self.plan.trace.time[-1]))
+        simulated = float(recording.time[-1])
+        return Execution(
+            plan=self.plan, recording=recording, trace=trace, planned=replace(planned, time=recording.time),
+            feedback=self.controller.name, events=tuple(self.events), status=status,
+            statistics={
+                "wall_time": wall_time,
+                "speed": simulated / wall_time if wall_time > 0 else 0.0,
+                "time_step": self.plant.h,
+                "step_limit": min(self.plant.limits, key=self.plant.limits.get),
+                "largest_level": float(recording.levels.max()),
+                "waited": float(recording.time[-1] - clock[-1]),
+                **self.controller.statistics(),
+            },
+        )  # fmt: skip
