@@ -116,7 +116,7 @@ class _Feedback:
 
         begin = perf_counter()
         self.activation = plan.schedule.activation()
-        self.model, self.period = model, period
+        self.model, self.period, self.pole = model, period, plan.task.convention.pole
         self.tracker = Tracker(design(plan, model, period))
         self.groups = self.tracker.design.groups
         self.correction = np.zeros(len(self.groups))
@@ -124,10 +124,14 @@ class _Feedback:
         self.design_time = perf_counter() - begin
 
     def levels(self, observation, real, clock, period):
+        from octoctrl.sim.topology import frame_twist, lifted_writhe
+
         if self.fit is None:
             self.fit = self.model.strain_fit(observation.stations)
         before = self.correction
-        self.correction = self.tracker.correct(round(clock[0] / self.period), self.fit(observation.frames, observation.stretch))
+        strains = self.fit(observation.frames, observation.stretch)
+        topology = float(frame_twist(observation.frames)), float(lifted_writhe(observation.frames, self.pole))
+        self.correction = self.tracker.correct(round(clock[0] / self.period), strains, topology)
         self.largest = max(self.largest, float(np.abs(self.correction).max()))
         return _Levels(self.activation, real, clock, self.groups, before, self.correction, period)
 
@@ -173,7 +177,8 @@ class _Run:
     def __init__(self, plan, plant, controller, period, settle):
         self.plan, self.plant, self.controller, self.period, self.settle = plan, plant, controller, period, settle
         self.patience = 0.0
-        self.events, self.clocks, self.pieces = [], [], []
+        self.events, self.pieces = [], []
+        self.instants, self.readings = [0.0], [0.0]
         self.ends = {}
         names = list(plan.phase_begins)
         for name, following in zip(names, [*names[1:], None], strict=True):
@@ -205,9 +210,9 @@ class _Run:
                 levels = self.controller.levels(observation, plant.time, reading, step)
                 piece = plant.advance(levels, step)
                 self.pieces.append(piece)
-                share = (piece.time - piece.time[0]) / step
-                self.clocks.append(reading[0] + share * (reading[1] - reading[0]))
                 clock, observation = reading[1], plant.observe()
+                self.instants.append(plant.time)
+                self.readings.append(clock)
                 if not piece.complete:
                     raise KeyboardInterrupt
                 progress.advance(clock, phases[0] if phases else "settling")
@@ -222,7 +227,6 @@ class _Run:
             status, note = ExecutionStatus.UNSTABLE, str(error)
             if error.recording is not None and len(error.recording.time):
                 self.pieces.append(error.recording)
-                self.clocks.append(np.minimum(clock + error.recording.time - error.recording.time[0], plan.schedule.duration))
         finally:
             progress.stop()
         return self._result(status, note, perf_counter() - begin)
@@ -257,7 +261,7 @@ class _Run:
 
         recording = Recording.joined(self.pieces)
         recording = replace(recording, complete=status is ExecutionStatus.FINISHED, note=note)
-        clock = np.concatenate([self.clocks[0], *(part[1:] for part in self.clocks[1:])])
+        clock = np.interp(recording.time, self.instants, self.readings)
         convention = self.plan.task.convention
         trace = measure(recording.time, recording.points, recording.frames, convention)
         planned = self.plan.trace.at(np.clip(clock, 0.0, self.plan.trace.time[-1]))

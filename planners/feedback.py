@@ -5,9 +5,9 @@ Around the planned motion q_k, u_k the reduced model reads, with x = q - q_k and
     x_{k+1} = A_k x_k + B_k v_k + E_k theta,      E_k = [B_k diag(u_k), dq_{k+1}/d(drag)]
 
 theta: relative errors of the groups' gains and of the water's drag, a slow random walk that a Kalman filter estimates from the prediction
-errors of the measured shape. The regulator minimises sum (y' Q y + x' S x + v' R v) of the topology error y = C_k x and prices its own
-estimate of theta in advance (affine Riccati recursion), which makes it free of offset. Terminal cost: the infinite-horizon regulator of
-the final pose, from python-control.
+errors of the measured shape. The regulator minimises sum (y' Q y + x' S x + v' R v) of the topology error y = C_k x and prices in advance
+(affine Riccati recursion) its estimate of theta and the part of the measured topology error that the linear model does not explain, which
+makes it free of offset. Terminal cost: the infinite-horizon regulator of the final pose, from python-control.
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,17 @@ CORRECTION = 0.1
 SHAPE_ERROR = 0.2
 """Error of all strains, as bending strain or stretch, that costs as much."""
 
-SHAPE_NOISE = 0.004
+SHAPE_NOISE = 0.01
 """Prediction error of one period, as bending strain or stretch, that is put down to chance."""
 
-GAIN_DOUBT, DRAG_DOUBT, DRIFT = 0.2, 0.7, 0.01
-"""Standard deviations of gain errors and drag error beforehand, and what they may change per period."""
+GAIN_DOUBT, DRAG_DOUBT, DRIFT = 0.2, 0.7, 0.05
+"""Standard deviations of gain errors and drag error beforehand, and the share of them by which they may change per period."""
+
+BIAS_SHARE = 0.3
+"""Share of a newly measured, unexplained topology error that is believed."""
+
+KINSHIP = 0.95
+"""Correlation of the gain errors of muscles of one kind, which one motion can hardly tell apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +51,10 @@ class TrackingDesign:
         Planned shape.
     levels : (N, m) float64
         Planned levels, the largest of any section.
+    topology : (N + 1, 2) float64
+        Planned twist and lifted writhe, turns.
+    slopes : (N + 1, 2, 4 S) float64
+        C, their derivatives.
     transition, influence, disturbance : (N, 4 S, 4 S), (N, 4 S, m), (N, 4 S, m + 1) float64
         A, B, E.
     cost : (N + 1, 4 S, 4 S) float64
@@ -63,6 +73,8 @@ class TrackingDesign:
     groups: tuple[str, ...]
     strains: np.ndarray
     levels: np.ndarray
+    topology: np.ndarray
+    slopes: np.ndarray
     transition: np.ndarray
     influence: np.ndarray
     disturbance: np.ndarray
@@ -103,8 +115,9 @@ def design(plan, model, period=0.05):
     disturbance = np.concatenate([influence * planned[:, None, :], drag[:, :, None]], axis=2)
 
     scale = _strain_scale(model)
-    values = model.output_slopes(motion.strains, plan.task.convention.pole)[1][:, :2].reshape(count + 1, 2, -1)
-    price = np.swapaxes(values, 1, 2) @ values / TOPOLOGY_ERROR**2 + np.diag(1 / (SHAPE_ERROR * scale) ** 2)
+    values, slopes = model.output_slopes(motion.strains, plan.task.convention.pole)
+    values, slopes = values[:, :2], slopes[:, :2].reshape(count + 1, 2, -1)
+    price = np.swapaxes(slopes, 1, 2) @ slopes / TOPOLOGY_ERROR**2 + np.diag(1 / (SHAPE_ERROR * scale) ** 2)
     effort = np.eye(len(groups)) / CORRECTION**2
     terminal_gain, cost_to_go, _ = dlqr(transition[-1], influence[-1], price[-1], effort)
     radius = np.abs(np.linalg.eigvals(transition[-1] - influence[-1] @ terminal_gain)).max()
@@ -118,7 +131,7 @@ def design(plan, model, period=0.05):
         cost[k] = (update + update.T) / 2
         inverse.append(solved)
     return TrackingDesign(
-        period=period, groups=groups, strains=motion.strains, levels=planned, transition=transition, influence=influence,
+        period=period, groups=groups, strains=motion.strains, levels=planned, topology=values, slopes=slopes, transition=transition, influence=influence,
         disturbance=disturbance, cost=cost, gains=gains, inverse=np.array(inverse[::-1]), noise=SHAPE_NOISE * scale,
         closed_loop_radius=float(radius),
     )  # fmt: skip
@@ -144,18 +157,40 @@ class Tracker:
 
     def __init__(self, design, adapt=True):
         self.design, self.adapt = design, adapt
-        count = len(design.groups)
-        self.errors = np.zeros(count + 1)
-        self.covariance = np.diag([GAIN_DOUBT**2] * count + [DRAG_DOUBT**2])
+        kinds = np.array([group.strip("0123456789") for group in design.groups])
+        kin = np.where(kinds[:, None] == kinds, KINSHIP, 0.0)
+        np.fill_diagonal(kin, 1.0)
+        self.errors = np.zeros(len(kinds) + 1)
+        self.covariance = np.diag([0.0] * len(kinds) + [DRAG_DOUBT**2])
+        self.covariance[:-1, :-1] = GAIN_DOUBT**2 * kin
+        self.drift = DRIFT**2 * self.covariance
+        self.bias = np.zeros(2)
         self._before = None
 
-    def correct(self, index, strains):
-        """Corrections (m,) of the levels for the period `index`, from the strains (S, 4) measured at its begin."""
+    def correct(self, index, strains, topology):
+        """Corrections of the levels for one period.
+
+        Parameters
+        ----------
+        index : int
+            Of the period on the plan's clock.
+        strains : (S, 4) float64
+            Measured at its begin.
+        topology : (2,) array_like, turns
+            Twist and lifted writhe measured then; writhe modulo 2, since self-crossings are counted apart.
+
+        Returns
+        -------
+        (m,) float64
+        """
         plan = self.design
         index = min(index, len(plan.gains) - 1)
         x = np.asarray(strains).ravel() - plan.strains[index].ravel()
         if self.adapt:
             self._learn(x)
+            unexplained = np.asarray(topology) - plan.topology[index] - plan.slopes[index] @ x
+            unexplained[1] -= 2 * np.round(unexplained[1] / 2)
+            self.bias += BIAS_SHARE * (unexplained - self.bias)
         correction = -plan.gains[index] @ x - self._preview(index)
         level = plan.levels[index]
         # A level cannot leave [0, 1]; what the plant will really get is what the next prediction must assume.
@@ -174,19 +209,18 @@ class Tracker:
         effect[:, :-1] += plan.influence[index] * correction
         surprise = x - plan.transition[index] @ before - plan.influence[index] @ correction
         scaled, innovation = effect / plan.noise[:, None], surprise / plan.noise
-        self.covariance += np.eye(len(self.errors)) * DRIFT**2
+        self.covariance = self.covariance + self.drift
         information = np.linalg.inv(self.covariance) + scaled.T @ scaled
         self.covariance = np.linalg.inv(information)
         self.errors += self.covariance @ scaled.T @ (innovation - scaled @ self.errors)
 
     def _preview(self, index):
         """What the estimated errors, present and to come, ask for now."""
-        if not self.errors.any():
-            return 0.0
         plan = self.design
         push = np.einsum("kij,j->ki", plan.disturbance[index:], self.errors)
-        future = np.zeros(push.shape[1])
+        pull = np.einsum("kji,j->ki", plan.slopes[index + 1 :], self.bias / TOPOLOGY_ERROR**2)
+        future = pull[-1]
         for k in range(len(push) - 1, 0, -1):
             a = plan.transition[index + k] - plan.influence[index + k] @ plan.gains[index + k]
-            future = a.T @ (plan.cost[index + k + 1] @ push[k] + future)
+            future = a.T @ (plan.cost[index + k + 1] @ push[k] + future) + pull[k - 1]
         return plan.inverse[index] @ plan.influence[index].T @ (plan.cost[index + 1] @ push[0] + future)

@@ -9,6 +9,8 @@ steps. IPOPT solves it with the exact Hessian of the objective and without the c
 nothing and leads every reasonable guess to the same plan. What the arm cannot do is refused before anything is solved.
 """
 
+from copy import copy
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from time import perf_counter
@@ -24,11 +26,13 @@ from .reachability import unreachable
 from .reduced import OUTPUTS
 from .schedule import Schedule
 
-STEPS_PER_PHASE = 10
+MODEL_STEP, FEWEST_STEPS = 0.15, 4
+"""Step of the reduced model in a phase of its nominal duration, s, and the fewest steps of a phase."""
+
 SMOOTHNESS = np.pi**2 / 8
 """Integral of (da/dt)^2 over a raised-cosine ramp, times ramp over level^2."""
 
-PRECISION = 2e-3
+PRECISION = 5e-3
 """Optimality to which the unknowns are found, in units of their scale; goals are met to a thousandth of that."""
 
 LEVEL_SCALE, TIME_SCALE = 0.1, 0.5
@@ -45,12 +49,12 @@ class PhaseProblem:
     ----------
     task : Task
     model : ReducedModel
-    steps : int
-        Model steps per phase.
     """
 
-    def __init__(self, task, model, steps=STEPS_PER_PHASE):
-        self.task, self.model, self.steps = task, model, steps
+    def __init__(self, task, model):
+        self.task, self.model = task, model
+        self.steps = [max(FEWEST_STEPS, round(phase.duration / MODEL_STEP)) for phase in task.phases]
+        self.ends = np.cumsum(self.steps)
         self.names = [f"{phase.name}.duration" for phase in task.phases]
         lower = [phase.shortest for phase in task.phases]
         upper = [phase.longest for phase in task.phases]
@@ -65,15 +69,21 @@ class PhaseProblem:
         self.lower, self.upper, self.start = np.array(lower), np.array(upper), np.array(start)
         self.scale = np.array([LEVEL_SCALE if name.endswith("level") else TIME_SCALE for name in self.names])
         self.scale[self.scale == TIME_SCALE] *= self.start[self.scale == TIME_SCALE]
-        self.goals = [(index, goal) for index, phase in enumerate(task.phases) for goal in phase.goals]
         self._build()
+        self.goals = _goals(task)
+
+    def with_goals(self, task):
+        """The same problem with the goals of `task`, which differs in nothing else."""
+        other = copy(self)
+        other.task, other.goals = task, _goals(task)
+        return other
 
     def _build(self):
         p = ca.SX.sym("p", len(self.names))
         begins, primitives = self._primitives(ca.vertsplit(p))
         activation = Schedule(primitives=tuple(primitives), duration=1.0).activation()
         durations = p[: len(self.task.phases)]
-        lengths = ca.vertcat(*(durations[index] / self.steps for index in range(len(self.task.phases)) for _ in range(self.steps)))
+        lengths = ca.vertcat(*(ca.repmat(durations[index] / steps, steps) for index, steps in enumerate(self.steps)))
         ends = ca.cumsum(lengths)
         edges, count, sections = self.model.edges, lengths.shape[0], self.model.sections
         # Rows: step, group, section, as the reduced model wants them after one reshape.
@@ -117,7 +127,7 @@ class PhaseProblem:
 
     def _horizon(self, p):
         inputs = np.asarray(self.inputs(p)).ravel()
-        count = self.steps * len(self.task.phases)
+        count = self.ends[-1]
         return inputs[:count], inputs[count:].reshape(count, len(MUSCLE_GROUPS), self.model.sections)
 
     def simulate(self, p):
@@ -127,7 +137,7 @@ class PhaseProblem:
 
     def misses(self, p):
         """Goals' values minus their targets, (goals,)."""
-        ends = self.simulate(p).strains[self.steps :: self.steps]
+        ends = self.simulate(p).strains[self.ends]
         return self._select(self.model.output_slopes(ends, self.task.convention.pole)[0])
 
     def miss_slopes(self, p):
@@ -138,13 +148,17 @@ class PhaseProblem:
         motion, strain_slopes = self.model.sensitivities(
             levels, slopes[count:].reshape(*levels.shape, -1), lengths, slopes[:count].reshape(count, -1)
         )
-        ends = slice(self.steps, None, self.steps)
-        values, output_slopes = self.model.output_slopes(motion.strains[ends], self.task.convention.pole)
-        by_number = np.einsum("tosc,tscp->top", output_slopes, strain_slopes[ends])
+        values, output_slopes = self.model.output_slopes(motion.strains[self.ends], self.task.convention.pole)
+        by_number = np.einsum("tosc,tscp->top", output_slopes, strain_slopes[self.ends])
         return self._select(values), np.stack([by_number[phase, OUTPUTS.index(goal.quantity)] for phase, goal in self.goals])
 
     def _select(self, values):
         return np.array([values[phase, OUTPUTS.index(goal.quantity)] - goal.value for phase, goal in self.goals])
+
+
+def _goals(task):
+    """Goals with the index of their phase."""
+    return [(index, goal) for index, phase in enumerate(task.phases) for goal in phase.goals]
 
 
 class _Slopes(ca.Callback):
@@ -241,6 +255,7 @@ def solver(problem, *, time_limit=30.0, max_iterations=60, warm=False, progress=
     goals = _Goals(problem)
     options = {
         "hess_lag": curvature,
+        "calc_lam_p": False,
         "print_time": False,
         "ipopt": {
             "print_level": 0,
@@ -249,7 +264,10 @@ def solver(problem, *, time_limit=30.0, max_iterations=60, warm=False, progress=
             "constr_viol_tol": 1e-3 * PRECISION,
             "acceptable_tol": PRECISION,
             "mu_strategy": "monotone",
-            "mu_init": 1e-5 if warm else 1e-3,
+            "mu_init": 1e-6 if warm else 1e-3,
+            "warm_start_init_point": "yes" if warm else "no",
+            "warm_start_bound_push": 1e-6,
+            "warm_start_mult_bound_push": 1e-6,
             "max_iter": max_iterations,
             "max_wall_time": max(time_limit, 1e-3),
         },
@@ -309,7 +327,8 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
     built = perf_counter() - begin
     solve, keep = solver(problem, time_limit=time_limit - built, max_iterations=max_iterations, warm=warm, progress=progress)
     low, high = problem.lower / problem.scale, problem.upper / problem.scale
-    found = solve(x0=first / problem.scale, lbx=low, ubx=high, lbg=0, ubg=0)
+    duals = {"lam_g0": guess.statistics["multipliers"]} if warm and len(guess.statistics["multipliers"]) == len(problem.goals) else {}
+    found = solve(x0=first / problem.scale, lbx=low, ubx=high, lbg=0, ubg=0, **duals)
     stats = solve.stats()
     del keep
     if progress is not None:
@@ -319,6 +338,7 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
     solved = perf_counter() - begin - built
     return _finished(problem, identified, p, status, {
         "solver": stats["return_status"],
+        "multipliers": np.asarray(found["lam_g"]).ravel().tolist(),
         "iterations": int(stats["iter_count"]),
         "build_time": built,
         "solve_time": solved,
@@ -326,8 +346,14 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
     })  # fmt: skip
 
 
+def _problem(task, model):
+    """The problem of a task; tasks that differ only in their goals share the functions, so that planning again is quick."""
+    bare = replace(task, phases=tuple(replace(phase, goals=()) for phase in task.phases))
+    return _bare_problem(_TaskKey(bare), model).with_goals(task)
+
+
 @lru_cache(maxsize=8)
-def _cached_problem(key, model):
+def _bare_problem(key, model):
     return PhaseProblem(key.task, model)
 
 
@@ -342,10 +368,6 @@ class _TaskKey:
 
     def __hash__(self):
         return hash(self.text)
-
-
-def _problem(task, model):
-    return _cached_problem(_TaskKey(task), model)
 
 
 def _finished(problem, identified, p, status, statistics):
