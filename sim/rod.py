@@ -153,6 +153,7 @@ class RodSimulation:
 
     @velocities.setter
     def velocities(self, value):
+        """Set node velocities from `value` (n + 1, 3), m/s."""
         self.rows[Row.V1 : Row.V3 + 1, 1 : self.elements + 2] = np.asarray(value, dtype=float).T
 
     @property
@@ -162,6 +163,7 @@ class RodSimulation:
 
     @spins.setter
     def spins(self, value):
+        """Set angular velocities from `value` (n, 3), rad/s."""
         self.rows[Row.W1 : Row.W3 + 1, 1 : self.elements + 1] = np.asarray(value, dtype=float).T
 
     @property

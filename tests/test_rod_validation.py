@@ -214,8 +214,12 @@ def vee(elements, radius=0.25):
     d2 = np.broadcast_to([0.0, 1.0, 0.0], d3.shape)
     return Rod(
         points=np.concatenate([np.zeros((1, 3)), np.cumsum(d3 * 3 / elements, axis=0)]),
-        frames=np.stack([np.cross(d2, d3), d2, d3], axis=1), radius=np.full(elements, radius), density=5000.0, youngs_modulus=1e4, shear_modulus=1e4 / 1.5,
-    )  # fmt: skip
+        frames=np.stack([np.cross(d2, d3), d2, d3], axis=1),
+        radius=np.full(elements, radius),
+        density=5000.0,
+        youngs_modulus=1e4,
+        shear_modulus=1e4 / 1.5,
+    )
 
 
 def total_energy(sim):
