@@ -8,6 +8,7 @@ import numpy as np
 from octoctrl.sim.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, suggest
 from octoctrl.sim.recording import Recording
+from octoctrl.sim.rotations import ribbon_frames
 
 from .progress import NullProgress
 from .results import Event, Execution, ExecutionStatus
@@ -21,7 +22,7 @@ PATIENCE = 0.3
 """A phase whose goals are not met at its planned end is held for at most this share of its duration."""
 
 
-def execute(plan, *, feedback="tvlqr", plant=None, model=None, period=PERIOD, patience=None, settle=0.0, progress=None, checkpoint=None):
+def execute(plan, *, feedback="tvlqr", plant=None, period=PERIOD, patience=None, settle=0.0, progress=None, checkpoint=None):
     """Carry out a plan.
 
     Parameters
@@ -32,8 +33,6 @@ def execute(plan, *, feedback="tvlqr", plant=None, model=None, period=PERIOD, pa
         or (11, n) in the order of `octoctrl.sim.arm.MUSCLE_GROUPS`. It replaces the plan's activation.
     plant : Plant, optional
         The plan's arm and scene as a rod if omitted. It is reset.
-    model : IdentifiedModel, optional
-        The model that feedback is designed on; the one that comes with octoctrl if omitted.
     period : float, s
         Between corrections.
     patience : float, optional
@@ -59,21 +58,19 @@ def execute(plan, *, feedback="tvlqr", plant=None, model=None, period=PERIOD, pa
     plant = Plant(plan.arm, plan.scene) if plant is None else plant
     if abs(plant.arm.length - plan.arm.length) > 1e-9:
         plan.check_arm(plant.arm)
-    run = _Run(plan, plant, _controller(plan, feedback, model, period), period, settle)
+    run = _Run(plan, plant, _controller(plan, feedback, period), period, settle)
     run.patience = (PATIENCE if patience is None else patience) if feedback == "tvlqr" else 0.0
     return run.to_the_end(progress or NullProgress(), checkpoint)
 
 
-def _controller(plan, feedback, model, period):
+def _controller(plan, feedback, period):
     if callable(feedback):
         return _Custom(feedback)
     if feedback not in FEEDBACKS:
         raise OctoctrlError(f"unknown feedback '{feedback}'{suggest(str(feedback), FEEDBACKS)} ({', '.join(FEEDBACKS)}, or a callable)")
     if feedback == "open-loop":
         return _OpenLoop(plan)
-    from octoctrl.planners.identification import load_identified
-
-    return _Feedback(plan, (model or load_identified(plan.arm, plan.scene)).model, period)
+    return _Feedback(plan, period)
 
 
 class _Levels:
@@ -111,26 +108,27 @@ class _OpenLoop:
 class _Feedback:
     name = "tvlqr"
 
-    def __init__(self, plan, model, period):
+    def __init__(self, plan, period):
         from octoctrl.planners.feedback import Tracker, design
+        from octoctrl.planners.reduced import ReducedModel
 
         begin = perf_counter()
         self.activation = plan.schedule.activation()
-        self.model, self.period, self.pole = model, period, plan.task.convention.pole
-        self.tracker = Tracker(design(plan, model, period))
+        self.model, self.period, self.pole = ReducedModel.of_plan(plan), period, plan.task.convention.pole
+        self.tracker = Tracker(design(plan, self.model, period))
         self.groups = self.tracker.design.groups
         self.correction = np.zeros(len(self.groups))
         self.largest, self.fit = 0.0, None
         self.design_time = perf_counter() - begin
 
     def levels(self, observation, real, clock, period):
-        from octoctrl.sim.topology import frame_twist, lifted_writhe
+        from octoctrl.sim.topology import present
 
         if self.fit is None:
             self.fit = self.model.strain_fit(observation.stations)
         before = self.correction
-        strains = self.fit(observation.frames, observation.stretch)
-        topology = float(frame_twist(observation.frames)), float(lifted_writhe(observation.frames, self.pole))
+        strains = self.fit(ribbon_frames(observation.points, observation.frames), observation.stretch)
+        topology = present(observation.points, observation.frames, self.pole)
         self.correction = self.tracker.correct(round(clock[0] / self.period), strains, topology)
         self.largest = max(self.largest, float(np.abs(self.correction).max()))
         return _Levels(self.activation, real, clock, self.groups, before, self.correction, period)
@@ -185,7 +183,7 @@ class _Run:
             self.ends[name] = plan.phase_begins[following] if following else plan.schedule.duration
 
     def to_the_end(self, progress, checkpoint):
-        begin = self.saved = perf_counter()
+        begin, saved = perf_counter(), -np.inf
         plan, plant = self.plan, self.plant
         status, note = ExecutionStatus.FINISHED, ""
         observation, clock, waited = plant.reset(), 0.0, 0.0
@@ -216,9 +214,9 @@ class _Run:
                 if not piece.complete:
                     raise KeyboardInterrupt
                 progress.advance(clock, phases[0] if phases else "settling")
-                if checkpoint is not None and perf_counter() - self.saved > 1.0:
+                if checkpoint is not None and perf_counter() - saved > 1.0:
                     checkpoint(self._result(ExecutionStatus.INTERRUPTED, "still running", perf_counter() - begin))
-                    self.saved = perf_counter()
+                    saved = perf_counter()
             for phase in phases:
                 self.events.append(Event(phase=phase, planned=self._planned_end(len(self.events)), actual=plant.time, met=self._met(phase)))
         except KeyboardInterrupt:
@@ -242,17 +240,14 @@ class _Run:
 
     def _met(self, phase):
         """Whether the goals of a phase hold on the plant now."""
-        from octoctrl.sim.topology import frame_twist, lifted_writhe
+        from octoctrl.sim.topology import measure
 
         goals = next(item.goals for item in self.plan.task.phases if item.name == phase)
         if not goals:
             return True
-        frames = np.concatenate([piece.frames[-1:] for piece in self.pieces])
-        values = {
-            "twist": float(frame_twist(frames[-1])),
-            "lifted_writhe": float(lifted_writhe(frames, self.plan.task.convention.pole)[-1]),
-            "length": float(self.pieces[-1].length[-1]),
-        }
+        ends = Recording.joined(self.pieces)
+        trace = measure(ends.time, ends.points, ends.frames, self.plan.task.convention)
+        values = {"twist": trace.twist[-1], "lifted_writhe": trace.lifted_writhe[-1], "length": ends.length[-1]}
         values["lifted_link"] = values["twist"] + values["lifted_writhe"]
         return all(abs(values[goal.quantity] - goal.value) <= goal.tolerance for goal in goals)
 

@@ -53,8 +53,6 @@ def plan(task, *, arm=None, scene=None, model=None, time_limit=None, guess=None,
     found = trajectory.plan(
         configuration.task,
         identified,
-        arm=arm,
-        scene=scene,
         time_limit=configuration.plan.time_limit if time_limit is None else time_limit,
         guess=guess,
         progress=progress,

@@ -131,8 +131,8 @@ def design(plan, model, period=0.05):
         cost[k] = (update + update.T) / 2
         inverse.append(solved)
     return TrackingDesign(
-        period=period, groups=groups, strains=motion.strains, levels=planned, topology=values, slopes=slopes, transition=transition, influence=influence,
-        disturbance=disturbance, cost=cost, gains=gains, inverse=np.array(inverse[::-1]), noise=SHAPE_NOISE * scale,
+        period=period, groups=groups, strains=motion.strains, levels=planned, topology=values, slopes=slopes, transition=transition,
+        influence=influence, disturbance=disturbance, cost=cost, gains=gains, inverse=np.array(inverse[::-1]), noise=SHAPE_NOISE * scale,
         closed_loop_radius=float(radius),
     )  # fmt: skip
 

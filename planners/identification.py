@@ -23,6 +23,7 @@ import numpy as np
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_number
+from octoctrl.sim.rotations import ribbon_frames
 from octoctrl.sim.scene import Scene
 
 from .reduced import ReducedModel
@@ -246,8 +247,8 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
     Parameters
     ----------
     recordings : sequence of (Activation, recording)
-        The activation of each run, and what was recorded: ``time`` (T,), s; ``stations`` (m,), m; ``frames`` (T, m, 3, 3);
-        ``stretch`` (T, n) of the elements. Every run begins at rest or anywhere else; its first instant is the model's start.
+        The activation of each run, and what was recorded: ``time`` (T,), s; ``stations`` (m,), m; ``points``
+        (T, n + 1, 3), m; ``frames`` (T, m, 3, 3); ``stretch`` (T, n) of the elements. Every run begins at rest or anywhere else; its first instant is the model's start.
     arm : Arm
     scene : Scene
     laws : {"known", "generic"}
@@ -337,7 +338,8 @@ class _Run:
         picked = np.searchsorted(time, time[0] + INTERVAL * np.arange(count + 1) - 1e-9)
         self.stations = np.asarray(recording.stations, dtype=float)
         self.compared = np.searchsorted(self.stations, np.arange(1, COMPARED + 1) * model.arm.length / COMPARED - 1e-9)
-        frames, stretch = np.asarray(recording.frames)[picked], np.asarray(recording.stretch)[picked]
+        frames = ribbon_frames(np.asarray(recording.points)[picked], np.asarray(recording.frames)[picked])
+        stretch = np.asarray(recording.stretch)[picked]
         self.start = model.strains_from_frames(self.stations, frames[0], stretch[0])
         self.strains = model.strains_from_frames(self.stations, frames, stretch)
         self.begin, self.steps = time[picked[0]], np.diff(time[picked])

@@ -10,7 +10,7 @@ nothing and leads every reasonable guess to the same plan. What the arm cannot d
 """
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 from itertools import pairwise
 from time import perf_counter
@@ -396,7 +396,7 @@ def _finished(problem, identified, p, status, statistics):
         "goals": goals,
         "headroom": float(1 - levels.max()),
         "extrapolates": list(identified.validity.outside(model.arm, motion.strains, levels)),
-        "model": identified.fingerprint,
+        "reduced_model": {"laws": model.laws, "sections": model.sections, "parameters": asdict(model.parameters)},
     }
     if status is not PlanStatus.SOLVED and worst is not None:
         statistics["reason"] = (

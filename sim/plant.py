@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from math import ceil, cos, sin, tau
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 
@@ -327,12 +328,23 @@ class Plant:
 
 
 def warmup(progress=None):
-    """Compile the plant, or load it from the cache; returns the seconds it took."""
-    from time import perf_counter
+    """Compile the plant, or load it from the cache.
 
+    Parameters
+    ----------
+    progress : object with ``start(label)`` and ``stop()``, optional
+        Live display.
+
+    Returns
+    -------
+    float, s
+        How long it took.
+    """
     begin = perf_counter()
     if progress is not None:
-        progress("compiling the rod plant (once; kept on disk)")
+        progress.start("compiling the plant (once; kept on disk)")
     plant = Plant()
     plant.advance(Activation(), plant.sample_interval)
+    if progress is not None:
+        progress.stop()
     return perf_counter() - begin

@@ -33,3 +33,33 @@ def rotation_vector(matrix):
     cosine = 0.5 * (np.trace(matrix, axis1=-2, axis2=-1) - 1)
     angle = np.arctan2(sine, cosine)
     return axial / np.sinc(angle / np.pi)[..., None]
+
+
+def ribbon_frames(points, frames):
+    """Frames of the ribbon along the centreline.
+
+    A sheared rod's d3 is not the tangent of its centreline; link, writhe and twist are those of the centreline and a ribbon on it. The
+    frames of the elements are turned by the smallest rotation that takes d3 to the edge between the nodes.
+
+    Parameters
+    ----------
+    points : (..., n + 1, 3) array_like
+    frames : (..., m, 3, 3) array_like
+        With m = n + 2 at base, element centres and tip; for any other m nothing is known of the edges and the frames are returned as
+        they are.
+
+    Returns
+    -------
+    (..., m, 3, 3) float64
+    """
+    frames, edges = np.asarray(frames, dtype=float), np.diff(np.asarray(points, dtype=float), axis=-2)
+    if frames.shape[-3] != edges.shape[-2] + 2:
+        return frames
+    inner = frames[..., 1:-1, :, :]
+    tangents = edges / np.linalg.norm(edges, axis=-1, keepdims=True)
+    axis = np.cross(inner[..., 2, :], tangents)[..., None, :]
+    cosine = np.einsum("...i,...i->...", inner[..., 2, :], tangents)[..., None, None]
+    first = np.cross(axis, inner)
+    ribbon = frames.copy()
+    ribbon[..., 1:-1, :, :] = inner + first + np.cross(axis, first) / (1 + cosine)
+    return ribbon

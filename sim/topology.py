@@ -19,6 +19,7 @@ import numpy as np
 
 from . import topology_kernels as kernels
 from .errors import OctoctrlError, check_number
+from .rotations import ribbon_frames
 from .trace import UTURN_LIMIT, TopologyConvention, TopologyTrace, finite_array, frame_series, point_series, unit_pole
 
 SECTION_SHAPES = {1: "straight", 2: "planar", 3: "helical"}
@@ -219,15 +220,16 @@ def measure(time, points, frames, convention=None):
         Increasing.
     points : (T, n+1, 3) array_like, m
     frames : (T, m, 3, 3) array_like
-        Rows d1, d2, d3 at m stations from base to tip.
+        Rows d1, d2, d3 at m stations from base to tip. With m = n + 2 (base, element centres, tip) those of the elements are first
+        turned onto the edges between the nodes: a sheared rod's d3 is not its tangent, and link is that of the centreline's ribbon.
     convention : TopologyConvention, optional
 
     Returns
     -------
     TopologyTrace
         Writhe is the Gauss sum over the nodes, with rays along the first and last d3; twist and link are those of the frames alone,
-        so that the residual compares two independent measurements. A residual beyond 0.02 turns means that the arm is under-resolved,
-        sheared, or touches itself.
+        so that the residual compares two independent measurements. A residual beyond 0.02 turns means that the arm is under-resolved
+        or touches itself.
     """
     convention = TopologyConvention() if convention is None else convention
     if not isinstance(convention, TopologyConvention):
@@ -237,6 +239,7 @@ def measure(time, points, frames, convention=None):
     if not (time.shape[0] == curves.shape[0] == series.shape[0]):
         raise OctoctrlError(f"time has {time.shape[0]} samples, points {curves.shape[0]}, frames {series.shape[0]}; they must agree")
     ends = np.ascontiguousarray(series[:, [0, -1], 2, :])
+    series = ribbon_frames(curves, series)
     gauss = np.empty(time.size)
     kernels.writhe_series(curves, ends, convention.ray_length, gauss)
     turned, lifted, opening = _frame_measures(series, convention.pole)
@@ -253,6 +256,26 @@ def measure(time, points, frames, convention=None):
         residual=framed_link - (gauss + turned),
         convention=convention,
     )
+
+
+def present(points, frames, pole=(0.0, 0.0, 1.0)):
+    """Twist and lifted writhe of one instant, as `measure` finds them but for the branch of writhe.
+
+    Parameters
+    ----------
+    points : (n+1, 3) array_like, m
+    frames : (n+2, 3, 3) array_like
+        At base, element centres and tip.
+    pole : (3,) array_like
+
+    Returns
+    -------
+    (float, float), turns
+        Lifted writhe modulo 2.
+    """
+    series = ribbon_frames(point_series(points)[0], frame_series(frames)[0])
+    turned, lifted, _ = _frame_measures(series, unit_pole(pole))
+    return float(turned[0]), float(lifted[0])
 
 
 def sucker_orientation(frames, azimuth, least_bend=1e-6):
