@@ -8,7 +8,6 @@ import numpy as np
 from octoctrl.sim.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, suggest
 from octoctrl.sim.recording import Recording
-from octoctrl.sim.rotations import ribbon_frames
 
 from .progress import NullProgress
 from .results import Event, Execution, ExecutionStatus
@@ -127,7 +126,7 @@ class _Feedback:
         if self.fit is None:
             self.fit = self.model.strain_fit(observation.stations)
         before = self.correction
-        strains = self.fit(ribbon_frames(observation.points, observation.frames), observation.stretch)
+        strains = self.fit(observation.frames, observation.stretch)
         topology = present(observation.points, observation.frames, self.pole)
         self.correction = self.tracker.correct(round(clock[0] / self.period), strains, topology)
         self.largest = max(self.largest, float(np.abs(self.correction).max()))

@@ -19,14 +19,16 @@ from octoctrl.sim.arm import MUSCLE_GROUPS
 TOPOLOGY_ERROR = 0.01
 """Error of lifted writhe or twist (turns) that costs as much as a correction of `CORRECTION`."""
 
-CORRECTION = 0.1
-"""Change of a level that costs as much as an error of `TOPOLOGY_ERROR`."""
+CORRECTION, REST_SHARE = 0.1, 0.05
+"""Change of a level, at the group's highest planned level, that costs as much as an error of `TOPOLOGY_ERROR`; and the share of it that a
+group at rest has. A resting muscle can only pull, so that what should correct both ways would curl the arm."""
 
-SHAPE_ERROR = 0.2
+SHAPE_ERROR = 0.1
 """Error of all strains, as bending strain or stretch, that costs as much."""
 
-SHAPE_NOISE = 0.01
-"""Prediction error of one period, as bending strain or stretch, that is put down to chance."""
+SHAPE_NOISE, MOTION_NOISE = 0.01, 1.0
+"""Prediction error of one period that is put down to chance: as bending strain or stretch, and as a share of the planned change, which
+the model without inertia foresees a little early."""
 
 GAIN_DOUBT, DRAG_DOUBT, DRIFT = 0.2, 0.7, 0.05
 """Standard deviations of gain errors and drag error beforehand, and the share of them by which they may change per period."""
@@ -63,8 +65,8 @@ class TrackingDesign:
         Of v = -K x.
     inverse : (N, m, m) float64
         (R + B' P B)^-1.
-    noise : (4 S,) float64
-        Standard deviation of the prediction error of each strain in one period.
+    noise : (N, 4 S) float64
+        Standard deviation of the prediction error of each strain in each period.
     closed_loop_radius : float
         Spectral radius of the regulated final pose.
     """
@@ -115,31 +117,32 @@ def design(plan, model, period=0.05):
     disturbance = np.concatenate([influence * planned[:, None, :], drag[:, :, None]], axis=2)
 
     scale = _strain_scale(model)
+    change = np.diff(motion.strains, axis=0).reshape(count, -1)
     values, slopes = model.output_slopes(motion.strains, plan.task.convention.pole)
     values, slopes = values[:, :2], slopes[:, :2].reshape(count + 1, 2, -1)
     price = np.swapaxes(slopes, 1, 2) @ slopes / TOPOLOGY_ERROR**2 + np.diag(1 / (SHAPE_ERROR * scale) ** 2)
-    effort = np.eye(len(groups)) / CORRECTION**2
-    terminal_gain, cost_to_go, _ = dlqr(transition[-1], influence[-1], price[-1], effort)
+    effort = 1 / (CORRECTION * (REST_SHARE + planned / planned.max(axis=0))) ** 2
+    terminal_gain, cost_to_go, _ = dlqr(transition[-1], influence[-1], price[-1], np.diag(effort[-1]))
     radius = np.abs(np.linalg.eigvals(transition[-1] - influence[-1] @ terminal_gain)).max()
     cost, gains, inverse = np.empty((count + 1, *cost_to_go.shape)), np.empty((count, len(groups), len(scale))), []
     cost[-1] = cost_to_go
     for k in range(count - 1, -1, -1):
         a, b = transition[k], influence[k]
-        solved = np.linalg.inv(effort + b.T @ cost[k + 1] @ b)
+        solved = np.linalg.inv(np.diag(effort[k]) + b.T @ cost[k + 1] @ b)
         gains[k] = solved @ b.T @ cost[k + 1] @ a
         update = price[k] + a.T @ cost[k + 1] @ (a - b @ gains[k])
         cost[k] = (update + update.T) / 2
         inverse.append(solved)
     return TrackingDesign(
         period=period, groups=groups, strains=motion.strains, levels=planned, topology=values, slopes=slopes, transition=transition,
-        influence=influence, disturbance=disturbance, cost=cost, gains=gains, inverse=np.array(inverse[::-1]), noise=SHAPE_NOISE * scale,
+        influence=influence, disturbance=disturbance, cost=cost, gains=gains, inverse=np.array(inverse[::-1]), noise=np.hypot(SHAPE_NOISE * scale, MOTION_NOISE * change),
         closed_loop_radius=float(radius),
     )  # fmt: skip
 
 
 def _strain_scale(model):
     """Strains (4 S) that a fibre at the longitudinal muscles' distance feels as one."""
-    offset = model.arm.section((np.arange(model.sections) + 0.5) * model.arm.length / model.sections).muscle_offset
+    offset = model.arm.section((model.edges[1:] + model.edges[:-1]) / 2).muscle_offset
     scale = np.ones((model.sections, 4))
     scale[:, :3] = 1 / offset[:, None]
     return scale.ravel()
@@ -208,7 +211,7 @@ class Tracker:
         # A wrong gain acts on the whole level, correction included.
         effect[:, :-1] += plan.influence[index] * correction
         surprise = x - plan.transition[index] @ before - plan.influence[index] @ correction
-        scaled, innovation = effect / plan.noise[:, None], surprise / plan.noise
+        scaled, innovation = effect / plan.noise[index, :, None], surprise / plan.noise[index]
         self.covariance = self.covariance + self.drift
         information = np.linalg.inv(self.covariance) + scaled.T @ scaled
         self.covariance = np.linalg.inv(information)

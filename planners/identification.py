@@ -23,11 +23,10 @@ import numpy as np
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_number
-from octoctrl.sim.rotations import ribbon_frames
 from octoctrl.sim.scene import Scene
 
 from .reduced import ReducedModel
-from .reduced_kinematics import element_lengths, rotation_vectors
+from .reduced_kinematics import element_lengths, rotation_vectors, section_bounds
 from .reduced_parameters import ReducedParameters, factor_indices
 from .reduced_reach import ReachLimits
 
@@ -247,8 +246,9 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
     Parameters
     ----------
     recordings : sequence of (Activation, recording)
-        The activation of each run, and what was recorded: ``time`` (T,), s; ``stations`` (m,), m; ``points``
-        (T, n + 1, 3), m; ``frames`` (T, m, 3, 3); ``stretch`` (T, n) of the elements. Every run begins at rest or anywhere else; its first instant is the model's start.
+        The activation of each run, and what was recorded: ``time`` (T,), s; ``stations`` (m,), m;
+        ``frames`` (T, m, 3, 3); ``stretch`` (T, n) of the elements.
+        Every run begins at rest or anywhere else; its first instant is the model's start.
     arm : Arm
     scene : Scene
     laws : {"known", "generic"}
@@ -338,8 +338,7 @@ class _Run:
         picked = np.searchsorted(time, time[0] + INTERVAL * np.arange(count + 1) - 1e-9)
         self.stations = np.asarray(recording.stations, dtype=float)
         self.compared = np.searchsorted(self.stations, np.arange(1, COMPARED + 1) * model.arm.length / COMPARED - 1e-9)
-        frames = ribbon_frames(np.asarray(recording.points)[picked], np.asarray(recording.frames)[picked])
-        stretch = np.asarray(recording.stretch)[picked]
+        frames, stretch = np.asarray(recording.frames)[picked], np.asarray(recording.stretch)[picked]
         self.start = model.strains_from_frames(self.stations, frames[0], stretch[0])
         self.strains = model.strains_from_frames(self.stations, frames, stretch)
         self.begin, self.steps = time[picked[0]], np.diff(time[picked])
@@ -374,8 +373,8 @@ def _visited(model, runs):
 def _extent(arm, strains):
     """Largest bending strain, smallest and largest stretch of section strains (T, S, 4)."""
     strains = np.asarray(strains)
-    sections = strains.shape[-2]
-    offsets = arm.section((np.arange(sections) + 0.5) * arm.length / sections).muscle_offset
+    bounds = section_bounds(arm, strains.shape[-2])
+    offsets = arm.section((bounds[1:] + bounds[:-1]) / 2).muscle_offset
     bend = np.linalg.norm(strains[..., :2], axis=-1) * offsets
     return float(bend.max()), float(strains[..., 3].min()), float(strains[..., 3].max())
 

@@ -13,7 +13,7 @@ from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
 from octoctrl.sim.scene import Scene
 
-from .reduced_kinematics import StrainFit, element_points, element_stations, integrate_frames
+from .reduced_kinematics import StrainFit, element_points, element_stations, integrate_frames, section_bounds
 from .reduced_parameters import ReducedParameters
 
 LAWS = ("known", "generic")
@@ -91,7 +91,7 @@ class ReducedModel:
     @property
     def edges(self):
         """Arclengths that bound the sections, (S + 1,), m."""
-        return np.linspace(0.0, self.arm.length, self.sections + 1)
+        return section_bounds(self.arm, self.sections)
 
     @property
     def rest(self):
@@ -295,7 +295,7 @@ class ReducedModel:
 
     def strain_fit(self, stations):
         """The map from measured frames and stretches at `stations` (m,), m, to section strains, to be kept and called: a `StrainFit`."""
-        return StrainFit(stations, self.sections)
+        return StrainFit(stations, self.edges)
 
     @property
     def stations(self):
@@ -304,11 +304,11 @@ class ReducedModel:
 
     def frames(self, strains, stations=None):
         """Frames (..., m, 3, 3), rows d1, d2, d3, at the arclengths `stations` (m; the plant's when omitted)."""
-        return integrate_frames(strains, self.stations if stations is None else np.asarray(stations, dtype=float), self.arm.length)
+        return integrate_frames(strains, self.stations if stations is None else np.asarray(stations, dtype=float), self.edges)
 
     def points(self, strains):
         """Node positions (..., n + 1, 3), m, of as many elements as the plant has."""
-        return element_points(strains, self.frames(strains), self.arm.edges)
+        return element_points(strains, self.frames(strains), self.arm.edges, self.edges)
 
     def trace(self, time, strains, convention=None):
         """Topology over time, by the formula that also measures the plant, as `octoctrl.sim.trace.TopologyTrace`."""
@@ -316,9 +316,8 @@ class ReducedModel:
         from octoctrl.sim.trace import TopologyConvention
 
         frames = self.frames(strains)
-        return measure(
-            time, element_points(strains, frames, self.arm.edges), frames, TopologyConvention() if convention is None else convention
-        )
+        points = element_points(strains, frames, self.arm.edges, self.edges)
+        return measure(time, points, frames, TopologyConvention() if convention is None else convention)
 
     def strains_from_frames(self, stations, frames, stretch):
         """Section strains of a measured shape; to project many frames one by one, keep a `StrainFit`.
@@ -339,7 +338,7 @@ class ReducedModel:
             raise OctoctrlError(
                 f"frames {np.shape(frames)} and stretch {np.shape(stretch)} do not fit {len(stations)} stations: base, element centres, tip"
             )
-        return StrainFit(stations, self.sections)(frames, stretch)
+        return StrainFit(stations, self.edges)(frames, stretch)
 
     def outputs_function(self):
         """Topology and tip pose as a smooth `casadi.Function`; see `octoctrl.planners.reduced_outputs.outputs`."""

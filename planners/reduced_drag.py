@@ -23,7 +23,7 @@ import numpy as np
 
 from octoctrl.sim.errors import OctoctrlError
 
-from .reduced_kinematics import BASE_FRAME
+from .reduced_kinematics import BASE_FRAME, section_bounds
 from .reduced_outputs import exponential
 
 SLOWEST = 1e-3
@@ -54,7 +54,8 @@ class Chain(NamedTuple):
 
 def element_edges(arm, sections):
     """Arclengths that bound the fine elements, (M + 1,), m; section centres and section bounds are among them."""
-    halves = np.linspace(0.0, arm.length, 2 * sections + 1)
+    bounds = section_bounds(arm, sections)
+    halves = np.sort(np.concatenate([bounds, (bounds[1:] + bounds[:-1]) / 2]))
     middles = (halves[1:] + halves[:-1]) / 2
     slender = np.diff(halves) > SLENDER * arm.base_radius * arm.section(middles).outline
     return np.sort(np.concatenate([halves, middles[slender]]))

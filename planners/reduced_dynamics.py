@@ -25,7 +25,7 @@ import casadi as ca
 from octoctrl.sim.arm import MUSCLE_GROUPS
 
 from .reduced_drag import Chain, chain, drag_force, drag_matrix, element_edges, node_drag
-from .reduced_kinematics import hat_means
+from .reduced_kinematics import hat_means, section_bounds
 from .reduced_parameters import FACTORS
 from .reduced_statics import CONSTANTS, section_constants, section_forces, section_viscosity, viscous_force
 
@@ -188,7 +188,7 @@ def _parts(structure):
 def _elements(structure):
     """Edges of the fine elements, their hats and the drag of their ends."""
     edges = element_edges(structure.arm, structure.sections)
-    return edges, hat_means(edges, structure.arm.length, structure.sections), node_drag(structure.arm, structure.water, edges)
+    return edges, hat_means(edges, section_bounds(structure.arm, structure.sections)), node_drag(structure.arm, structure.water, edges)
 
 
 def _driving(parts, q, u, factors):

@@ -14,19 +14,36 @@ BASE_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rows d1, d2, d3 at the base."""
 
 
-def hat_values(stations, length, sections):
-    """Value of every section's hat function at the arclengths `stations`, (m, S)."""
-    position = np.clip(np.asarray(stations, dtype=float) / length * sections - 0.5, 0.0, sections - 1.0)
-    return np.maximum(1.0 - np.abs(position[:, None] - np.arange(sections)), 0.0)
+GRADING = 1.0
+"""Sections are as long as the local radius to this power: curvature goes with its inverse, and so every section bends alike."""
 
 
-def hat_means(edges, length, sections):
-    """Mean of every section's hat function over the cells bounded by `edges` (m), (len(edges) - 1, S); rows sum to one."""
+def section_bounds(arm, sections):
+    """Arclengths (S + 1,) that bound the sections, m."""
+    return arm.partition(sections, GRADING)
+
+
+def hat_values(stations, bounds):
+    """Value at the arclengths `stations` of every section's hat function, (m, S): 1 at its centre, 0 from the neighbours' on."""
+    centres = (bounds[1:] + bounds[:-1]) / 2
+    stations = np.asarray(stations, dtype=float)
+    return np.stack([np.interp(stations, centres, unit) for unit in np.eye(len(centres))], axis=1)
+
+
+def hat_means(edges, bounds):
+    """Mean of every section's hat function over the cells bounded by `edges` (m), (len(edges) - 1, S); rows sum to one.
+
+    Parameters
+    ----------
+    edges : (m + 1,) array_like, m
+    bounds : (S + 1,) float64, m
+        Of the sections.
+    """
     edges = np.asarray(edges, dtype=float)
-    centres = (np.arange(sections) + 0.5) * length / sections
+    centres = (bounds[1:] + bounds[:-1]) / 2
     breaks = np.unique(np.concatenate([edges, centres[(centres > edges[0]) & (centres < edges[-1])]]))
-    pieces = hat_values((breaks[1:] + breaks[:-1]) / 2, length, sections) * np.diff(breaks)[:, None]
-    integral = np.concatenate([np.zeros((1, sections)), np.cumsum(pieces, axis=0)])[np.searchsorted(breaks, edges)]
+    pieces = hat_values((breaks[1:] + breaks[:-1]) / 2, bounds) * np.diff(breaks)[:, None]
+    integral = np.concatenate([np.zeros((1, len(centres))), np.cumsum(pieces, axis=0)])[np.searchsorted(breaks, edges)]
     return np.diff(integral, axis=0) / np.diff(edges)[:, None]
 
 
@@ -34,11 +51,6 @@ def element_stations(edges):
     """Stations of a plant whose elements are bounded by `edges` (n + 1,), m: base, element centres, tip, (n + 2,), m."""
     edges = np.asarray(edges, dtype=float)
     return np.concatenate([edges[:1], (edges[1:] + edges[:-1]) / 2, edges[-1:]])
-
-
-def plant_stations(length, elements):
-    """Stations (elements + 2,), m, of an arm of this length (m) in equal elements."""
-    return element_stations(np.linspace(0.0, length, elements + 1))
 
 
 def element_lengths(stations):
@@ -66,7 +78,7 @@ def rotation_vectors(matrices):
     return axial / np.sinc(angle / np.pi)[..., None]
 
 
-def integrate_frames(strains, stations, length):
+def integrate_frames(strains, stations, bounds):
     """Frames at the stations.
 
     Parameters
@@ -75,8 +87,8 @@ def integrate_frames(strains, stations, length):
         Section strains, 1/m and stretch.
     stations : (m,) float64, m
         Increasing arclengths; the first has the base frame.
-    length : float, m
-        Rest length of the arm.
+    bounds : (S + 1,) float64, m
+        Of the sections.
 
     Returns
     -------
@@ -84,7 +96,7 @@ def integrate_frames(strains, stations, length):
         Rows d1, d2, d3.
     """
     strains = np.asarray(strains, dtype=float)
-    means = hat_means(stations, length, strains.shape[-2]) * np.diff(stations)[:, None]
+    means = hat_means(stations, bounds) * np.diff(stations)[:, None]
     steps = np.swapaxes(rotations(means @ strains[..., :3]), -1, -2)
     frames = np.empty((*strains.shape[:-2], len(stations), 3, 3))
     frames[..., 0, :, :] = BASE_FRAME
@@ -93,19 +105,14 @@ def integrate_frames(strains, stations, length):
     return frames
 
 
-def element_points(strains, frames, edges):
+def element_points(strains, frames, edges, bounds):
     """Node positions (..., n + 1, 3), m, from strains and frames (..., n + 2, 3, 3) of an arm with the element `edges` (n + 1,), m."""
     edges = np.asarray(edges, dtype=float)
-    stretch = hat_means(edges, edges[-1], np.shape(strains)[-2]) @ np.asarray(strains)[..., 3:]
+    stretch = hat_means(edges, bounds) @ np.asarray(strains)[..., 3:]
     steps = frames[..., 1:-1, 2, :] * stretch * np.diff(edges)[:, None]
     points = np.zeros((*steps.shape[:-2], len(edges), 3))
     np.cumsum(steps, axis=-2, out=points[..., 1:, :])
     return points
-
-
-def node_points(strains, frames, length):
-    """Node positions (..., n + 1, 3), m, from strains and frames (..., n + 2, 3, 3) of an arm of this length (m) in equal elements."""
-    return element_points(strains, frames, np.linspace(0.0, length, frames.shape[-3] - 1))
 
 
 class StrainFit:
@@ -118,17 +125,18 @@ class StrainFit:
     ----------
     stations : (m,) float64, m
         Base, element centres, tip.
-    sections : int
+    bounds : (S + 1,) float64, m
+        Of the sections.
     """
 
-    def __init__(self, stations, sections):
+    def __init__(self, stations, bounds):
         stations = np.asarray(stations, dtype=float)
-        length, widths, lengths = stations[-1], np.diff(stations), element_lengths(stations)
+        widths, lengths = np.diff(stations), element_lengths(stations)
         self._lengths = lengths[:, None]
-        self._rotation_map = np.linalg.pinv(np.cumsum(hat_means(stations, length, sections) * widths[:, None], axis=0))
+        self._rotation_map = np.linalg.pinv(np.cumsum(hat_means(stations, bounds) * widths[:, None], axis=0))
         edges = np.concatenate([[0.0], np.cumsum(lengths)])
-        edges[-1] = length
-        self._stretch_map = np.linalg.pinv(np.cumsum(hat_means(edges, length, sections) * self._lengths, axis=0))
+        edges[-1] = stations[-1]
+        self._stretch_map = np.linalg.pinv(np.cumsum(hat_means(edges, bounds) * self._lengths, axis=0))
 
     def __call__(self, frames, stretch):
         """Section strains (..., S, 4) of frames (..., m, 3, 3) and stretches (..., n)."""

@@ -10,7 +10,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from .reduced_kinematics import BASE_FRAME, element_stations, hat_means
+from .reduced_kinematics import BASE_FRAME, element_stations, hat_means, section_bounds
 
 
 def exponential(vector, angle):
@@ -46,10 +46,10 @@ def outputs(arm, sections):
     self-crossings, at each of which the Gauss writhe jumps by two.
     """
     q, pole = ca.SX.sym("strains", 4, sections), ca.SX.sym("pole", 3)
-    edges = arm.edges
+    edges, bounds = arm.edges, section_bounds(arm, sections)
     stations, lengths = element_stations(edges), np.diff(edges)
-    turns = q[:3, :] @ ca.DM((hat_means(stations, arm.length, sections) * np.diff(stations)[:, None]).T)
-    extents = q[3, :] @ ca.DM((hat_means(edges, arm.length, sections) * lengths[:, None]).T)
+    turns = q[:3, :] @ ca.DM((hat_means(stations, bounds) * np.diff(stations)[:, None]).T)
+    extents = q[3, :] @ ca.DM((hat_means(edges, bounds) * lengths[:, None]).T)
     frame = ca.SX(ca.DM(BASE_FRAME.T))
     base = tangent = frame[:, 2]
     tip, area, spin = ca.SX.zeros(3), 0, 0

@@ -27,7 +27,7 @@ import numpy as np
 
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, azimuth
 
-from .reduced_kinematics import hat_means
+from .reduced_kinematics import hat_means, section_bounds
 from .reduced_parameters import FACTORS
 
 RATE_BLEND = 0.01
@@ -67,7 +67,7 @@ def section_constants(arm, sections, samples=60):
         Points per section of the integrals.
     """
     grid = np.linspace(0.0, arm.length, sections * samples + 1)
-    hats = hat_means(grid, arm.length, sections)
+    hats = hat_means(grid, section_bounds(arm, sections))
     outline = arm.section((grid[1:] + grid[:-1]) / 2).outline
     harmonic = hats.sum(axis=0) / (1 / outline @ hats)
     lengths = arm.length / (sections * samples) * (outline**4 @ hats) / harmonic**4

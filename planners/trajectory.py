@@ -2,7 +2,7 @@
 
     minimise    nominal_weight sum ((p - p_task) / scale)^2 / 2  +  time_weight sum T
                 + sum over drives of  effort_weight int a^2 dt  +  smoothness_weight int (da/dt)^2 dt
-    subject to  goals(p) = 0,    lower <= p <= upper,    p = (durations T, free numbers of the drives)
+    subject to  |goals(p)| <= tolerances / 3,    lower <= p <= upper,    p = (durations T, free numbers of the drives)
 
 The unknowns are some ten numbers; the reduced model is simulated inside the constraints, with exact derivatives from its own sensitivity
 steps. IPOPT solves it with the exact Hessian of the objective and without the curvature of the constraints (Gauss-Newton), which costs
@@ -34,6 +34,9 @@ SMOOTHNESS = np.pi**2 / 8
 
 PRECISION = 5e-3
 """Optimality to which the unknowns are found, in units of their scale; goals are met to a thousandth of that."""
+
+GOAL_SHARE = 1 / 3
+"""Share of a goal's tolerance that the plan may use; the rest is left to the plant."""
 
 LEVEL_SCALE, TIME_SCALE = 0.1, 0.5
 """A change that counts as large: of a level, and of a time or speed relative to the task's own."""
@@ -71,11 +74,13 @@ class PhaseProblem:
         self.scale[self.scale == TIME_SCALE] *= self.start[self.scale == TIME_SCALE]
         self._build()
         self.goals = _goals(task)
+        self.band = GOAL_SHARE * np.array([goal.tolerance for _, goal in self.goals])
 
     def with_goals(self, task):
         """The same problem with the goals of `task`, which differs in nothing else."""
         other = copy(self)
         other.task, other.goals = task, _goals(task)
+        other.band = GOAL_SHARE * np.array([goal.tolerance for _, goal in other.goals])
         return other
 
     def _build(self):
@@ -244,7 +249,7 @@ def solver(problem, *, time_limit=30.0, max_iterations=60, warm=False, progress=
     Returns
     -------
     casadi.Function
-        To be called with ``x0, lbx, ubx, lbg=0, ubg=0``. The problem's callbacks live as long as the function's ``goals`` attribute.
+        To be called with ``x0, lbx, ubx, lbg, ubg``. The problem's callbacks live as long as the function's ``goals`` attribute.
     """
     count = len(problem.names)
     z = ca.MX.sym("z", count)
@@ -328,7 +333,7 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
     solve, keep = solver(problem, time_limit=time_limit - built, max_iterations=max_iterations, warm=warm, progress=progress)
     low, high = problem.lower / problem.scale, problem.upper / problem.scale
     duals = {"lam_g0": guess.statistics["multipliers"]} if warm and len(guess.statistics["multipliers"]) == len(problem.goals) else {}
-    found = solve(x0=first / problem.scale, lbx=low, ubx=high, lbg=0, ubg=0, **duals)
+    found = solve(x0=first / problem.scale, lbx=low, ubx=high, lbg=-problem.band, ubg=problem.band, **duals)
     stats = solve.stats()
     del keep
     if progress is not None:

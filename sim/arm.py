@@ -161,12 +161,15 @@ class Arm:
     @property
     def edges(self):
         """Arclengths (elements + 1,) of the element boundaries, m, from base to tip."""
-        share = np.linspace(0.0, 1.0, self.elements + 1)
-        slope = 1 - 1 / self.taper
+        return self.partition(self.elements, self.grading)
+
+    def partition(self, count, grading):
+        """Arclengths (count + 1,) that divide the arm into parts as long as the local radius to the power `grading`, m."""
+        share = np.linspace(0.0, 1.0, count + 1)
+        slope, power = 1 - 1 / self.taper, 1 - grading
         if slope == 0:
             return self.length * share
         # Lengths dL ~ (1 - slope s/L)^grading: equal steps of the integral of its inverse.
-        power = 1 - self.grading
         if power == 0:
             return self.length * (1 - self.taper**-share) / slope
         return self.length * (1 - (1 - share * (1 - self.taper**-power)) ** (1 / power)) / slope
@@ -273,9 +276,9 @@ class Section:
 
     @property
     def shear_stiffness(self):
-        """Shear stiffness 4/3 G A of the straight rods, N."""
-        cord, muscle, _, _ = self.areas
-        return 4 / 3 * self.arm.shear_modulus * (cord + 8 * muscle)
+        """Shear stiffness 4/3 G A of everything that runs along the arm, N: cord, longitudinal and oblique fibres, but not the rings."""
+        cord, muscle, _, oblique = self.areas
+        return 4 / 3 * self.arm.shear_modulus * (cord + 8 * muscle + 2 * oblique * self.oblique_stretch)
 
 
 def oblique_angle(arm, arclength):

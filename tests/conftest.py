@@ -28,11 +28,11 @@ def coil_strains(time, bend=1.0, twist=1.0):
 
 
 def coil_motion(arm, strains):
-    from octoctrl.planners.reduced_kinematics import integrate_frames, node_points, plant_stations
+    from octoctrl.planners.reduced_kinematics import element_points, element_stations, integrate_frames, section_bounds
 
-    stations = plant_stations(arm.length, arm.elements)
-    frames = integrate_frames(strains, stations, arm.length)
-    return stations, frames, node_points(strains, frames, arm.length)
+    stations, bounds = element_stations(arm.edges), section_bounds(arm, strains.shape[-2])
+    frames = integrate_frames(strains, stations, bounds)
+    return stations, frames, element_points(strains, frames, arm.edges, bounds)
 
 
 @pytest.fixture(scope="session")
@@ -69,7 +69,7 @@ def coil_execution(plan, *, bend=1.0, twist=1.0, until=DURATION, **changes):
     time = np.linspace(0.0, until, round(until / 0.025) + 1)
     strains = coil_strains(time, bend, twist)
     stations, frames, points = coil_motion(plan.arm, strains)
-    edges = np.linspace(0.0, plan.arm.length, plan.arm.elements + 1)
+    edges = plan.arm.edges
     recording = Recording(
         time=time,
         points=points,

@@ -27,7 +27,7 @@ FREE = ("longitudinal_stress", "oblique_stress", "viscosity")
 def recorded(model, activation, duration, step=0.06):
     """What a plant would have recorded, had it moved as `model` does."""
     motion = model.simulate(activation, duration, step=step)
-    stretch = motion.strains[..., 3] @ hat_means(model.arm.edges, model.arm.length, model.sections).T
+    stretch = motion.strains[..., 3] @ hat_means(model.arm.edges, model.edges).T
     return SimpleNamespace(time=motion.time, stations=model.stations, frames=model.frames(motion.strains), stretch=stretch)
 
 

@@ -54,7 +54,7 @@ def factors(model):
 def moved_nodes(model, strains, pieces=60):
     """Positions and frames of the element ends, every element cut into many pieces of the same strain."""
     edges = element_edges(model.arm, model.sections)
-    hats = hat_means(edges, model.arm.length, model.sections)
+    hats = hat_means(edges, model.edges)
     frame, point, nodes, frames = BASE_FRAME.copy(), np.zeros(3), [], []
     for weights, width in zip(hats, np.diff(edges), strict=True):
         k1, k2, k3, e = weights @ strains
@@ -334,10 +334,10 @@ def test_constant_curvature_is_a_circle(model):
 
 
 def test_hat_means_integrate_exactly():
-    edges = np.array([0.0, 0.03, 0.031, 0.1, 0.2])
+    edges, bounds = np.array([0.0, 0.03, 0.031, 0.1, 0.2]), np.array([0.0, 0.06, 0.1, 0.14, 0.17, 0.19, 0.2])
     fine = np.linspace(0.0, 0.2, 200001)
-    values = hat_values((fine[1:] + fine[:-1]) / 2, 0.2, 6)
-    for row, (low, high) in zip(hat_means(edges, 0.2, 6), pairwise(edges), strict=True):
+    values = hat_values((fine[1:] + fine[:-1]) / 2, bounds)
+    for row, (low, high) in zip(hat_means(edges, bounds), pairwise(edges), strict=True):
         inside = (fine[1:] <= high + 1e-12) & (fine[:-1] >= low - 1e-12)
         np.testing.assert_allclose(row, values[inside].mean(axis=0), atol=1e-6)
 
@@ -353,7 +353,7 @@ def test_outputs_agree_with_the_measuring_formula(model):
 
 def test_strains_are_recovered_from_frames(model, bent):
     strains = bent[0]
-    stretch = hat_means(model.arm.edges, model.arm.length, 8) @ strains[:, 3]
+    stretch = hat_means(model.arm.edges, model.edges) @ strains[:, 3]
     found = model.strains_from_frames(model.stations, model.frames(strains), stretch)
     np.testing.assert_allclose(found, strains, rtol=1e-8)
 
