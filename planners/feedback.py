@@ -135,8 +135,8 @@ def design(plan, model, period=0.05):
         inverse.append(solved)
     return TrackingDesign(
         period=period, groups=groups, strains=motion.strains, levels=planned, topology=values, slopes=slopes, transition=transition,
-        influence=influence, disturbance=disturbance, cost=cost, gains=gains, inverse=np.array(inverse[::-1]), noise=np.hypot(SHAPE_NOISE * scale, MOTION_NOISE * change),
-        closed_loop_radius=float(radius),
+        influence=influence, disturbance=disturbance, cost=cost, gains=gains, inverse=np.array(inverse[::-1]),
+        noise=np.hypot(SHAPE_NOISE * scale, MOTION_NOISE * change), closed_loop_radius=float(radius),
     )  # fmt: skip
 
 

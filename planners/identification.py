@@ -39,6 +39,13 @@ COMPARED = 8
 TOLERANCE = 0.02
 """Residual beyond which the soft-L1 loss grows linearly."""
 
+RAMP = 1.7
+"""Stretches the ramps of the experiments: faster ones would teach the model to make up for inertia, which it does not have."""
+
+PRIOR = 2.0
+"""Weight of a factor's distance from its first guess. Residuals are errors of form and not of chance: without it, factors that hardly
+matter run away to mend what they do not cause."""
+
 KNOWN_FREE = (
     "longitudinal_stress", "oblique_stress", "transverse_stress", "oblique_passive", "hoop_ratio", "bending", "torsion", "viscosity",
     "quadratic_drag",
@@ -290,7 +297,7 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
 
     def residual(factors):
         candidate = adjusted(factors)
-        return np.concatenate([run.residual(candidate) for run in runs])
+        return np.concatenate([PRIOR * (factors - 1), *(run.residual(candidate) for run in runs)])
 
     # Multiplicative unknowns that start at 1: a relative difference step at 0 would be no step at all.
     fit = least_squares(
@@ -304,7 +311,7 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
         xtol=1e-3,
         max_nfev=max_evaluations,
     )
-    plain = fit.fun
+    plain = fit.fun[len(free) :]
     spread = (plain @ plain) / max(len(plain) - len(free), 1)
     covariance = spread * np.linalg.pinv(fit.jac.T @ fit.jac) * np.outer(base[indices], base[indices])
     found = adjusted(fit.x)
@@ -380,7 +387,7 @@ def _extent(arm, strains):
 
 
 def _on(groups, level, onset, rise, offset=np.inf, window=(0.0, np.inf)):
-    return Plateau(groups=tuple(groups.split()), level=level, onset=onset, rise=rise, offset=offset, fall=0.4, window=window)
+    return Plateau(groups=tuple(groups.split()), level=level, onset=onset, rise=RAMP * rise, offset=offset, fall=RAMP * 0.4, window=window)
 
 
 def _random_levels(duration, dwell=0.6):

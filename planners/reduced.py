@@ -105,9 +105,23 @@ class ReducedModel:
 
         return Structure(self.arm, self.scene.water, self.laws, self.sections)
 
+    @property
+    def lag(self):
+        """Time by which inertia delays the answer to an activation, s: the arm's mass over its linear drag.
+
+        With inertia the equation of motion reads M q'' + D q' = -f(a), and M / D being nearly the same everywhere, q' follows f as if the
+        activation had come later by M / D. That leaves the model its first order.
+        """
+        water, section = self.scene.water, self.arm.section((self.edges[1:] + self.edges[:-1]) / 2)
+        if water is None:
+            return 0.0
+        widths, masses = np.diff(self.edges), np.array(section.masses)
+        drag = water.factor * (water.ring_rate * masses[2] + water.oblique_rate * masses[3]) @ widths
+        return float(masses.sum(axis=0) @ widths / drag) if drag > 0 else 0.0
+
     def levels(self, activation, times):
-        """Section averages of an activation, (T, 11, S)."""
-        return activation.levels(times, self.edges)
+        """Section averages of an activation as the model feels it, later by `lag`, (T, 11, S)."""
+        return activation.levels(np.asarray(times) - self.lag, self.edges)
 
     # Motion
 

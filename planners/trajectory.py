@@ -90,13 +90,13 @@ class PhaseProblem:
         durations = p[: len(self.task.phases)]
         lengths = ca.vertcat(*(ca.repmat(durations[index] / steps, steps) for index, steps in enumerate(self.steps)))
         ends = ca.cumsum(lengths)
-        edges, count, sections = self.model.edges, lengths.shape[0], self.model.sections
+        edges, count, sections, lag = self.model.edges, lengths.shape[0], self.model.sections, self.model.lag
         # Rows: step, group, section, as the reduced model wants them after one reshape.
         levels = ca.SX(count * len(MUSCLE_GROUPS) * sections, 1)
         for group in activation.groups:
             column = MUSCLE_GROUPS.index(group)
             for section in range(sections):
-                values = [activation.compose(ca, group, ends[step], edges[section], edges[section + 1]) for step in range(count)]
+                values = [activation.compose(ca, group, ends[step] - lag, edges[section], edges[section + 1]) for step in range(count)]
                 rows = [(step * len(MUSCLE_GROUPS) + column) * sections + section for step in range(count)]
                 levels[rows] = ca.vertcat(*values)
         inputs = ca.vertcat(lengths, levels)
