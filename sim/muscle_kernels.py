@@ -22,9 +22,9 @@ from .compiler import kernel
 from .rod_layout import offsets
 
 ONE = np.uint64(1)
-MAJORANT = 2.0
-"""Factor on the diagonal viscosity bounds. One would be stable (the fibres couple two blocks, stretch and spin, so that the sum of the
-blocks is at least half of the whole); two is also free of sign flips from step to step."""
+MAJORANT = 1.0
+"""Factor on the diagonal viscosity bounds. At one the step is stable: the fibres couple two blocks, stretch and spin, so that the sum of
+the blocks is at least half of the whole. What the bound exceeds the true viscosity by delays the viscous stress by about one step."""
 
 
 class LawConstants(NamedTuple):

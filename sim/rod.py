@@ -8,6 +8,7 @@ import numpy as np
 
 from .errors import OctoctrlError, PlantUnstableError, check_choice, check_number
 from .rod_layout import STATE_ROWS, Row, new_buffer, stride_for
+from .rotations import rotation_vector
 
 CIRCULAR_SHEAR = 27 / 28
 """Shear coefficient of a circular section (PyElastica's default; Tekinalp et al. 2024 use 4/3)."""
@@ -19,6 +20,7 @@ FINDINGS = {
 }
 
 SUPPORTS = ("free", "clamped", "element")
+SECTIONS = ("incompressible", "constant")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,8 @@ class Rod:
     support : {"free", "clamped", "element"}
         ``clamped`` holds the base node and the frame at s = 0, with bending over the half element in between, which is second order in
         the element length; ``element`` holds node and frame of the whole first element, as PyElastica does, which is first order.
+    section : {"incompressible", "constant"}
+        Whether the section shrinks as the rod stretches, as PyElastica has it, or keeps its area. Only the latter conserves energy.
     damping : float, 1/s
         Rate at which velocities decay in the absence of forces, exact over a step and independent of it.
 
@@ -55,6 +59,7 @@ class Rod:
     shear_modulus: float
     shear_coefficient: float = CIRCULAR_SHEAR
     support: str = field(default="free")
+    section: str = field(default="incompressible")
     damping: float = 0.0
 
     def __post_init__(self):
@@ -63,6 +68,7 @@ class Rod:
             if np.shape(getattr(self, name)) != shape:
                 raise OctoctrlError(f"{name}: expected shape {shape}, found {np.shape(getattr(self, name))}")
         check_choice("support", self.support, SUPPORTS)
+        check_choice("section", self.section, SECTIONS)
         check_number("density", self.density, above=0.0, unit="kg/m^3")
         check_number("youngs_modulus", self.youngs_modulus, above=0.0, unit="Pa")
         check_number("shear_modulus", self.shear_modulus, above=0.0, unit="Pa")
@@ -84,10 +90,10 @@ class Rod:
 
 
 @cache
-def _elastic_advance(stride, drag):
+def _elastic_advance(stride, constant_section):
     from .stepping import elastic_stepper
 
-    return elastic_stepper(stride, drag)
+    return elastic_stepper(stride, constant_section)
 
 
 class RodSimulation:
@@ -136,6 +142,7 @@ class RodSimulation:
         rows[Row.INERTIA3, 1 : n + 1] = 2 * inertia
         bend, twist = rod.youngs_modulus * second_moment, 2 * rod.shear_modulus * second_moment
         set_joints(rows, n, length, bend, twist, clamped=rod.support == "clamped")
+        rows[Row.REST1 : Row.REST3 + 1, 1 : n + 1] = joint_curvature(rows, n)
         self.node_mass = node_masses(rod.density * area * length)
         rows[Row.NODE_MOBILITY, 1 : n + 2] = 1 / self.node_mass
         for component in range(3):
@@ -171,6 +178,12 @@ class RodSimulation:
         """Directors (n, 3, 3)."""
         return self.rows[Row.Q11 : Row.Q33 + 1, 1 : self.elements + 1].T.reshape(-1, 3, 3).copy()
 
+    def place(self, points, frames):
+        """Put the rod into a shape, nodes (n + 1, 3) in m and frames (n, 3, 3), without motion; what it is at rest does not change."""
+        n = self.elements
+        base = self.rows[Row.Q11 : Row.Q33 + 1, 0].copy()
+        set_state(self.rows, n, points, frames, base.reshape(3, 3))
+
     def load(self, *, tip_force=(0.0, 0.0, 0.0), tip_couple=(0.0, 0.0, 0.0), force_per_length=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0)):
         """Set dead loads: force (N) and couple (N m) at the tip, force per rest length (N/m), gravity (m/s^2), in the lab frame."""
         n, rows = self.elements, self.rows
@@ -184,7 +197,7 @@ class RodSimulation:
 
     def energy(self):
         """Kinetic and elastic energy, J."""
-        return rod_energy(self.rows, self.elements, self.node_mass)
+        return rod_energy(self.rows, self.elements, self.node_mass, constant_section=self.rod.section == "constant")
 
     def advance(self, duration, samples=1):
         """Move on by `duration` (s).
@@ -218,7 +231,7 @@ class RodSimulation:
         )  # fmt: skip
         n = self.elements
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        step = _elastic_advance(stride_for(n), False)
+        step = _elastic_advance(stride_for(n), self.rod.section == "constant")
         done, finding, element = step(self.buffer, np.uint64(n), h, steps, points, frames, stretch)
         time = self.time + interval * np.arange(1, samples + 1)
         self.time += interval * done
@@ -332,19 +345,23 @@ def raise_unstable(time, element, finding, dt, limits, recording=None):
     )
 
 
-def rod_energy(rows, n, node_mass):
-    """Kinetic and elastic energy of a rod at a sample, J (strains are measured from the present positions)."""
+def joint_curvature(rows, n):
+    """Curvature (3, n) of the joints, 1/m, from the present frames; joint 1 is the one at the base."""
+    frames = rows[Row.Q11 : Row.Q33 + 1, : n + 1].T.reshape(-1, 3, 3)
+    return (rotation_vector(frames[1:] @ np.swapaxes(frames[:-1], 1, 2)) / rows[Row.JOINT_LENGTH, 1 : n + 1, None]).T
+
+
+def rod_energy(rows, n, node_mass, constant_section):
+    """Kinetic and elastic energy of a rod at a sample, J; for an incompressible section what is called elastic is its nearest relative."""
     points, frames = rows[Row.X1 : Row.X3 + 1, 1 : n + 2], rows[Row.Q11 : Row.Q33 + 1, 1 : n + 1].T.reshape(-1, 3, 3)
-    edges = np.diff(points, axis=1).T
-    length = rows[Row.LENGTH, 1 : n + 1]
-    size = np.linalg.norm(edges, axis=1)
-    stretch = size / length
+    edges, length = np.diff(points, axis=1).T, rows[Row.LENGTH, 1 : n + 1]
+    stretch = np.ones(n) if constant_section else np.linalg.norm(edges, axis=1) / length
     sigma = np.einsum("kij,kj->ki", frames, edges) / length[:, None] - np.array([0.0, 0.0, 1.0])
     stiffness = np.stack([rows[Row.SHEAR, 1 : n + 1], rows[Row.SHEAR, 1 : n + 1], rows[Row.AXIAL, 1 : n + 1]], axis=1)
     kinetic = 0.5 * np.sum(node_mass * np.sum(rows[Row.V1 : Row.V3 + 1, 1 : n + 2] ** 2, axis=0))
     kinetic += 0.5 * np.sum(rows[Row.INERTIA1 : Row.INERTIA3 + 1, 1 : n + 1] * rows[Row.W1 : Row.W3 + 1, 1 : n + 1] ** 2 / stretch)
     bending = np.stack([rows[row, 1 : n + 1] for row in (Row.BEND1, Row.BEND2, Row.TWIST)])
-    kappa = rows[Row.K1 : Row.K3 + 1, 1 : n + 1] - rows[Row.REST1 : Row.REST3 + 1, 1 : n + 1]
+    kappa = joint_curvature(rows, n) - rows[Row.REST1 : Row.REST3 + 1, 1 : n + 1]
     elastic = 0.5 * np.sum(stiffness * sigma**2 / stretch[:, None] * length[:, None])
     elastic += 0.5 * np.sum(bending * kappa**2 * rows[Row.JOINT_LENGTH, 1 : n + 1])
     return {"kinetic": float(kinetic), "elastic": float(elastic)}

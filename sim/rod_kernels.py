@@ -39,13 +39,17 @@ def angle_over_sine(y):
     return total * y + SERIES[0]
 
 
-def rod_kernels(stride):
+def rod_kernels(stride, constant_section=False):
     """Compile the kernels of an elastic rod for buffers of the given stride.
 
     Parameters
     ----------
     stride : int
         Of `octoctrl.sim.rod_layout.STRIDES`.
+    constant_section : bool
+        Whether area, stiffness and rotary inertia keep their values at rest (all powers of e and E become 1) and moments act through the
+        exact adjoint of the rotation vector. Such a rod conserves energy; in the published form of the equations, with a section that
+        shrinks as it stretches, there is no potential.
 
     Returns
     -------
@@ -104,7 +108,7 @@ def rod_kernels(stride):
             inverse = 1 / length
             t1, t2, t3 = d1 * inverse, d2 * inverse, d3 * inverse
             stretch = length / b[LENGTH + k]
-            unstretch = 1 / stretch
+            unstretch = 1.0 if constant_section else 1 / stretch
             u1, u2, u3 = b[V1 + k + ONE] - b[V1 + k], b[V2 + k + ONE] - b[V2 + k], b[V3 + k + ONE] - b[V3 + k]
             rate = (t1 * u1 + t2 * u2 + t3 * u3) / b[LENGTH + k]
             m1 = b[Q11 + k] * t1 + b[Q12 + k] * t2 + b[Q13 + k] * t3
@@ -118,11 +122,12 @@ def rod_kernels(stride):
             b[N3 + k] = (b[Q13 + k] * n1 + b[Q23 + k] * n2 + b[Q33 + k] * n3) * unstretch
             w1, w2, w3 = b[W1 + k], b[W2 + k], b[W3 + k]
             j1, j2, j3 = b[INERTIA1 + k] * w1 * unstretch, b[INERTIA2 + k] * w2 * unstretch, b[INERTIA3 + k] * w3 * unstretch
-            swelling = rate * unstretch
-            rest = b[LENGTH + k]
-            b[TORQUE1 + k] = (m2 * n3 - m3 * n2) * rest + j2 * w3 - j3 * w2 + j1 * swelling
-            b[TORQUE2 + k] = (m3 * n1 - m1 * n3) * rest + j3 * w1 - j1 * w3 + j2 * swelling
-            b[TORQUE3 + k] = (m1 * n2 - m2 * n1) * rest + j1 * w2 - j2 * w1 + j3 * swelling
+            swelling = 0.0 if constant_section else rate * unstretch
+            # Where the update multiplies all torque by e (J shrinks with the section), the lever is the rest length; else the present one.
+            lever = b[LENGTH + k] * (stretch if constant_section else 1.0)
+            b[TORQUE1 + k] = (m2 * n3 - m3 * n2) * lever + j2 * w3 - j3 * w2 + j1 * swelling
+            b[TORQUE2 + k] = (m3 * n1 - m1 * n3) * lever + j3 * w1 - j1 * w3 + j2 * swelling
+            b[TORQUE3 + k] = (m1 * n2 - m2 * n1) * lever + j1 * w2 - j2 * w1 + j3 * swelling
 
     @kernel
     def curvature(b, n):
@@ -159,7 +164,7 @@ def rod_kernels(stride):
         for k in range(ONE, n + ONE):
             p = k - ONE
             swell = 0.5 * (b[STRETCH + k] * b[LENGTH + k] + b[STRETCH + p] * b[LENGTH + p]) / b[JOINT_LENGTH + k]
-            soften = 1 / (swell * swell * swell)
+            soften = 1.0 if constant_section else 1 / (swell * swell * swell)
             k1, k2, k3 = b[K1 + k], b[K2 + k], b[K3 + k]
             m1 = b[BEND1 + k] * (k1 - b[REST1 + k]) * soften
             m2 = b[BEND2 + k] * (k2 - b[REST2 + k]) * soften
@@ -172,9 +177,15 @@ def rod_kernels(stride):
             half = 0.5 * b[JOINT_LENGTH + k]
             k1, k2, k3 = b[K1 + k] * half, b[K2 + k] * half, b[K3 + k] * half
             m1, m2, m3 = b[M1 + k], b[M2 + k], b[M3 + k]
-            b[A1 + k] = k2 * m3 - k3 * m2
-            b[A2 + k] = k3 * m1 - k1 * m3
-            b[A3 + k] = k1 * m2 - k2 * m1
+            a1, a2, a3 = k2 * m3 - k3 * m2, k3 * m1 - k1 * m3, k1 * m2 - k2 * m1
+            b[A1 + k], b[A2 + k], b[A3 + k] = a1, a2, a3
+            if constant_section:
+                # The exact adjoint of the rotation vector's rate: the published form stops at the first order of the joint's angle.
+                square = 4 * (k1 * k1 + k2 * k2 + k3 * k3)
+                second = 4 * (1 / 12 + square * (1 / 720 + square * (1 / 30240 + square / 1209600)))
+                b[M1 + k] = m1 + second * (k2 * a3 - k3 * a2)
+                b[M2 + k] = m2 + second * (k3 * a1 - k1 * a3)
+                b[M3 + k] = m3 + second * (k1 * a2 - k2 * a1)
 
     @kernel
     def kick(b, n):
@@ -186,7 +197,7 @@ def rod_kernels(stride):
             b[V3 + k] = decay * b[V3 + k] + mobility * (b[N3 + k] - b[N3 + p] + b[FORCE3 + k])
         for k in range(ONE, n + ONE):
             q = k + ONE
-            stretch = b[STRETCH + k]
+            stretch = 1.0 if constant_section else b[STRETCH + k]
             bend_decay = b[BEND_DECAY + k]
             torque1 = b[M1 + q] - b[M1 + k] + b[A1 + q] + b[A1 + k] + b[TORQUE1 + k]
             torque2 = b[M2 + q] - b[M2 + k] + b[A2 + q] + b[A2 + k] + b[TORQUE2 + k]

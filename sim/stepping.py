@@ -65,15 +65,15 @@ def _guard_and_record(stride):
     return guard, record
 
 
-def elastic_stepper(stride, drag):
+def elastic_stepper(stride, constant_section):
     """Compile the loop of an elastic rod.
 
     Parameters
     ----------
     stride : int
         Of the buffer.
-    drag : bool
-        Whether the DRAG rows act; without them the quadratic drag is not computed at all.
+    constant_section : bool
+        See `octoctrl.sim.rod_kernels.rod_kernels`.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def elastic_stepper(stride, drag):
         ``advance(buffer, n, h, steps, points, directors, stretch)`` takes `steps` steps of `h` for each of the samples, whose count
         is the length of `points`, and fills the three arrays. Returns ``(samples done, finding, element)``.
     """
-    drift, strain, curvature, _, moment, transport, kick, water = rod_kernels(stride)
+    drift, strain, curvature, _, moment, transport, kick, _ = rod_kernels(stride, constant_section)
     guard, record = _guard_and_record(stride)
 
     @kernel
@@ -93,8 +93,6 @@ def elastic_stepper(stride, drag):
                 curvature(b, n)
                 moment(b, n)
                 transport(b, n)
-                if drag:
-                    water(b, n)
                 kick(b, n)
                 drift(b, n, h if step + 1 < steps else 0.5 * h)
             finding, element = guard(b, n)
