@@ -248,8 +248,10 @@ def solver(problem, *, time_limit=30.0, max_iterations=60, warm=False, progress=
 
     Returns
     -------
-    casadi.Function
-        To be called with ``x0, lbx, ubx, lbg, ubg``. The problem's callbacks live as long as the function's ``goals`` attribute.
+    solve : casadi.Function
+        To be called with ``x0, lbx, ubx, lbg, ubg``.
+    keep : list
+        The callbacks inside it, which must live as long as it is used.
     """
     count = len(problem.names)
     z = ca.MX.sym("z", count)

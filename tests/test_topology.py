@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
 from octoctrl.sim import topology
 from octoctrl.sim import topology_kernels as kernels
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.trace import TopologyConvention, TopologyTrace
-from scipy.spatial.transform import Rotation
 
 REST = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # rows d1 = +z, d2 = +x, d3 = +y
 
