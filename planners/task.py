@@ -125,8 +125,12 @@ class Task:
         Azimuth of the sucker line, for orientation.
     nominal_weight : float
         Price of leaving the task's own durations, levels and ramps; it makes the plan unique.
-    time_weight, effort_weight, smoothness_weight : float
-        Price of a second, of the square of activation times a second, and of its squared rate of change times a second.
+    time_weight : float, 1/s
+        Price of a second.
+    effort_weight : float, 1/s
+        Price of a drive's squared level, per second that it is on.
+    smoothness_weight : float, s
+        Price of the squared rate of change of a level, per second of ramp.
     """
 
     name: str
