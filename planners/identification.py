@@ -42,9 +42,9 @@ TOLERANCE = 0.02
 RAMP = 1.7
 """Stretches the ramps of the experiments: faster ones would teach the model to make up for inertia, which it does not have."""
 
-PRIOR = 2.0
-"""Weight of a factor's distance from its first guess. Residuals are errors of form and not of chance: without it, factors that hardly
-matter run away to mend what they do not cause."""
+PRIOR = 1.8e-4
+"""Weight of a factor's distance from its first guess, per compared number. Residuals are errors of form and not of chance: without it,
+factors that hardly matter run away to mend what they do not cause."""
 
 KNOWN_FREE = (
     "longitudinal_stress", "oblique_stress", "transverse_stress", "oblique_passive", "hoop_ratio", "bending", "torsion", "viscosity",
@@ -288,7 +288,7 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
         arm=arm or Arm.octopus(), scene=scene or Scene(), laws=laws, sections=sections, parameters=start or ReducedParameters()
     )
     runs = [_Run(model, activation, recording) for activation, recording in recordings]
-    base = model.parameters.vector()
+    base, compared = model.parameters.vector(), sum(run.measured.size for run in runs)
 
     def adjusted(factors):
         vector = base.copy()
@@ -297,7 +297,7 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
 
     def residual(factors):
         candidate = adjusted(factors)
-        return np.concatenate([PRIOR * (factors - 1), *(run.residual(candidate) for run in runs)])
+        return np.concatenate([PRIOR * compared * (factors - 1), *(run.residual(candidate) for run in runs)])
 
     # Multiplicative unknowns that start at 1: a relative difference step at 0 would be no step at all.
     fit = least_squares(

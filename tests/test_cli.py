@@ -62,7 +62,7 @@ def test_verify(files, capsys, coil_run):
     assert {"writhe_rms", "writhe_max", "twist_rms", "crossings", "level_time", "link_residual", "activation", "tip_rms"} <= set(by_name)
     assert by_name["twist_rms"]["pass"] and by_name["crossings"]["value"] == 0
     assert not by_name["telescope.twist"]["pass"]
-    assert by_name["telescope.twist"]["value"] == pytest.approx(0.9, abs=0.01)
+    assert by_name["telescope.twist"]["value"] == pytest.approx(1.0, abs=0.01)
     assert main(["verify", "run.npz"]) == 1
     out = capsys.readouterr().out
     assert "VERDICT fail" in out and out.count("FAIL") == sum(not check["pass"] for check in answer["checks"])
