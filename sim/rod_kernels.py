@@ -48,8 +48,8 @@ def rod_kernels(stride, constant_section=False):
         Of `octoctrl.sim.rod_layout.STRIDES`.
     constant_section : bool
         Whether area, stiffness and rotary inertia keep their values at rest (all powers of e and E become 1) and moments act through the
-        exact adjoint of the rotation vector. Such a rod conserves energy; in the published form of the equations, with a section that
-        shrinks as it stretches, there is no potential.
+        exact adjoint of the rotation vector. Such a rod conserves energy and angular momentum; in the published form of the equations,
+        with a section that shrinks as it stretches, there is no potential.
 
     Returns
     -------
@@ -79,7 +79,18 @@ def rod_kernels(stride, constant_section=False):
             b[X2 + k] += h * b[V2 + k]
             b[X3 + k] += h * b[V3 + k]
         for k in range(ONE, n + ONE):
-            u1, u2, u3 = h * b[W1 + k], h * b[W2 + k], h * b[W3 + k]
+            w1, w2, w3 = b[W1 + k], b[W2 + k], b[W3 + k]
+            i1, i2, i3 = b[INERTIA1 + k], b[INERTIA2 + k], b[INERTIA3 + k]
+            p1, p2, p3 = i1 * w1, i2 * w2, i3 * w3
+            if constant_section:
+                # Turn with the spin of the middle of the interval, so that the free rotation is second order.
+                half = 0.5 * h
+                w1, w2, w3 = (
+                    w1 + half * (p2 * w3 - p3 * w2) / i1,
+                    w2 + half * (p3 * w1 - p1 * w3) / i2,
+                    w3 + half * (p1 * w2 - p2 * w1) / i3,
+                )
+            u1, u2, u3 = h * w1, h * w2, h * w3
             square = u1 * u1 + u2 * u2 + u3 * u3
             sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square / 362880)))
             cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square / 3628800)))
@@ -87,6 +98,11 @@ def rod_kernels(stride, constant_section=False):
             r11, r22, r33 = 1 - cosine * (u2 * u2 + u3 * u3), 1 - cosine * (u1 * u1 + u3 * u3), 1 - cosine * (u1 * u1 + u2 * u2)
             c12, c13, c23 = cosine * u1 * u2, cosine * u1 * u3, cosine * u2 * u3
             s1, s2, s3 = sine * u1, sine * u2, sine * u3
+            if constant_section:
+                # Angular momentum stays where it is while the frame turns.
+                b[W1 + k] = (r11 * p1 + (c12 + s3) * p2 + (c13 - s2) * p3) / i1
+                b[W2 + k] = ((c12 - s3) * p1 + r22 * p2 + (c23 + s1) * p3) / i2
+                b[W3 + k] = ((c13 + s2) * p1 + (c23 - s1) * p2 + r33 * p3) / i3
             a, d, g = b[Q11 + k], b[Q21 + k], b[Q31 + k]
             b[Q11 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
             b[Q21 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
@@ -121,8 +137,9 @@ def rod_kernels(stride, constant_section=False):
             b[N2 + k] = (b[Q12 + k] * n1 + b[Q22 + k] * n2 + b[Q32 + k] * n3) * unstretch
             b[N3 + k] = (b[Q13 + k] * n1 + b[Q23 + k] * n2 + b[Q33 + k] * n3) * unstretch
             w1, w2, w3 = b[W1 + k], b[W2 + k], b[W3 + k]
-            j1, j2, j3 = b[INERTIA1 + k] * w1 * unstretch, b[INERTIA2 + k] * w2 * unstretch, b[INERTIA3 + k] * w3 * unstretch
-            swelling = 0.0 if constant_section else rate * unstretch
+            share = 0.0 if constant_section else unstretch
+            j1, j2, j3 = b[INERTIA1 + k] * w1 * share, b[INERTIA2 + k] * w2 * share, b[INERTIA3 + k] * w3 * share
+            swelling = rate * share
             # Where the update multiplies all torque by e (J shrinks with the section), the lever is the rest length; else the present one.
             lever = b[LENGTH + k] * (stretch if constant_section else 1.0)
             b[TORQUE1 + k] = (m2 * n3 - m3 * n2) * lever + j2 * w3 - j3 * w2 + j1 * swelling
