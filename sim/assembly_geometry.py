@@ -1,0 +1,346 @@
+"""Geometry and constants of the assembly: 1 + 8 straight rods, rings and oblique helices, as functions of an `Arm`.
+
+Number of rings N: as many as touch when stacked along the arm. Straight rods have N elements, ring i lies in the middle of element i, a
+helix has two nodes per ring, of which the even one lies in the ring's plane at one of its nodes. All lengths m, masses kg, forces N.
+
+    nerve cord    straight, rod 0
+    longitudinal  straight rods 1..8, inclined towards the axis so that they touch the cord everywhere
+    rings         `RING_NODES` elements, closed
+    oblique       helices 0..3 left-handed, 4..7 right-handed, a quarter turn apart
+
+References
+----------
+Tekinalp et al. (2024), *Topology, dynamics, and control of a muscle-architected soft arm*, SI; radii, fractions and connection scales are
+those of the authors' published model.
+"""
+
+from dataclasses import dataclass
+from math import atan, cos, pi, sin, tau
+
+import numpy as np
+
+from .errors import OctoctrlError
+
+RING_NODES = 40
+SPOKES = 8
+SPOKE = RING_NODES // SPOKES
+SHEAR_COEFFICIENT = 4 / 3
+STRAIGHT_SPRING, STRAIGHT_CONTACT = 0.166, 2.0
+RING_RING_SPRING = 0.241
+RING_MUSCLE_SPRING, RING_MUSCLE_TORQUE, RING_MUSCLE_CONTACT = 0.5, 5 / 480, 10.0
+RING_OBLIQUE_SPRING, RING_OBLIQUE_CONTACT = 1.0, 96.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RodFamily:
+    """Rods of one kind, R of them with n elements.
+
+    Attributes
+    ----------
+    points : (R, n + 1, 3) float64, m
+        Nodes at rest; (R, n, 3) for closed rods.
+    frames : (R, n, 3, 3) float64
+        Rows d1, d2, d3.
+    radius : (R, n) float64, m
+    density : (R,) float64, kg/m^3
+    closed : bool
+    """
+
+    points: np.ndarray
+    frames: np.ndarray
+    radius: np.ndarray
+    density: np.ndarray
+    closed: bool = False
+
+    @property
+    def edges(self):
+        """Vectors (R, n, 3) from node to node, m."""
+        if self.closed:
+            return np.roll(self.points, -1, axis=1) - self.points
+        return np.diff(self.points, axis=1)
+
+    @property
+    def centres(self):
+        """Centres (R, n, 3) of the elements, m."""
+        return self.points[:, : self.radius.shape[1]] + self.edges / 2
+
+    @property
+    def length(self):
+        """Rest lengths (R, n) of the elements, m."""
+        return np.linalg.norm(self.edges, axis=2)
+
+    @property
+    def area(self):
+        """Cross-sections (R, n), m^2."""
+        return pi * self.radius**2
+
+    @property
+    def element_mass(self):
+        """Masses (R, n) of the elements, kg."""
+        return self.density[:, None] * self.area * self.length
+
+    @property
+    def node_mass(self):
+        """Masses (R, nodes), kg: half of either element; in a closed rod one element each."""
+        mass = self.element_mass
+        if self.closed:
+            return mass
+        return np.concatenate([mass[:, :1], mass[:, 1:] + mass[:, :-1], mass[:, -1:]], axis=1) / 2
+
+    @property
+    def second_moment(self):
+        """Second moment of area (R, n) in bending, m^4; twice that in twist."""
+        return self.area**2 / (4 * pi)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AssemblyGeometry:
+    """The rods of an arm and where they connect.
+
+    Attributes
+    ----------
+    count : int
+        N, rings and elements of a straight rod.
+    spacing : float, m
+        Distance of the rings.
+    inclination : float, rad
+        Of the longitudinal muscles towards the axis.
+    straight, rings, oblique : RodFamily
+    oblique_nodes : (8, N) int
+        Ring node at which helix j meets ring i, with its node 2 i.
+    oblique_edges : (2 N,) float64, m
+        Heights of the helices' nodes, which bound the cells of their activation.
+    """
+
+    count: int
+    spacing: float
+    inclination: float
+    straight: RodFamily
+    rings: RodFamily
+    oblique: RodFamily
+    oblique_nodes: np.ndarray
+    oblique_edges: np.ndarray
+
+    @property
+    def elements(self):
+        """Elements of all rods."""
+        return sum(family.radius.size for family in (self.straight, self.rings, self.oblique))
+
+
+def assembly_geometry(arm):
+    """Build the rods of `arm`.
+
+    Raises
+    ------
+    OctoctrlError
+        If ring thickness or pitch of the helices do not fit the grid of rings and ring nodes.
+    """
+    count = round(arm.length / (2 * arm.ring_radius))
+    if count < 8 or abs(count * 2 * arm.ring_radius / arm.length - 1) > 1e-9:
+        raise OctoctrlError(f"ring_radius={arm.ring_radius:g} m: the arm's length must be a whole number (at least 8) of ring thicknesses")
+    spacing = arm.length / count
+    turn = RING_NODES * spacing / arm.oblique_pitch
+    step = round(turn)
+    if step < 1 or abs(turn - step) > 1e-9:
+        raise OctoctrlError(
+            f"oblique_pitch={arm.oblique_pitch:g} m: an oblique fibre must advance by a whole number of ring nodes (1/{RING_NODES} turn) "
+            f"per ring; the nearest pitch is {RING_NODES * spacing / max(step, 1):.6g} m"
+        )
+    outline = np.linspace(1.0, 1 / arm.taper, count)
+    base = arm.section(0.0)
+    cord, muscle = float(base.cord_radius), float(base.muscle_radius)
+    straight, inclination = _straight_rods(arm, count, cord, muscle, outline)
+    layer = straight.radius[0] + 2 * straight.radius[1] + arm.ring_radius
+    heights = straight.centres[0, :, 1]
+    rings = _rings(arm, heights, layer)
+    fibre = arm.oblique_radius * outline
+    oblique, nodes, edges = _helices(arm, count, spacing, step, layer + arm.ring_radius + fibre, fibre)
+    return AssemblyGeometry(
+        count=count,
+        spacing=spacing,
+        inclination=inclination,
+        straight=straight,
+        rings=rings,
+        oblique=oblique,
+        oblique_nodes=nodes,
+        oblique_edges=edges,
+    )
+
+
+def _straight_rods(arm, count, cord, muscle, outline):
+    offset = cord + muscle
+    narrowing = offset * (1 - 1 / arm.taper)
+    inclination = atan(narrowing / arm.length)
+    share = np.linspace(0.0, 1.0, count + 1)
+    points, frames = np.zeros((9, count + 1, 3)), np.empty((9, count, 3, 3))
+    points[0, :, 1] = arm.length * share
+    frames[0] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+    for number in range(8):
+        angle = number * pi / 4
+        outward, around = np.array([cos(angle), 0.0, sin(angle)]), np.array([-sin(angle), 0.0, cos(angle)])
+        along = cos(inclination) * np.array([0.0, 1.0, 0.0]) - sin(inclination) * outward
+        points[number + 1] = offset * outward + (arm.length / cos(inclination) * share)[:, None] * along
+        frames[number + 1] = [around, np.cross(along, around), along]
+    centres = (points[:, 1:] + points[:, :-1]) / 2
+    radius = np.empty((9, count))
+    radius[0] = cord * outline
+    radius[1:] = np.linalg.norm(centres[1:] - centres[0], axis=2) - radius[0]
+    density = np.array([arm.densities[0]] + 8 * [arm.densities[1]])
+    return RodFamily(points=points, frames=frames, radius=radius, density=density), inclination
+
+
+def _rings(arm, heights, layer):
+    angle = tau * np.arange(RING_NODES) / RING_NODES
+    points = np.empty((heights.size, RING_NODES, 3))
+    points[..., 0], points[..., 2] = layer[:, None] * np.cos(angle), layer[:, None] * np.sin(angle)
+    points[..., 1] = heights[:, None]
+    frames = _frames_of(np.roll(points, -1, axis=1) - points, np.array([0.0, -1.0, 0.0]))
+    radius = np.full(points.shape[:2], arm.ring_radius)
+    return RodFamily(points=points, frames=frames, radius=radius, density=np.full(heights.size, arm.densities[2]), closed=True)
+
+
+def _helices(arm, count, spacing, step, path, fibre):
+    node = np.arange(2 * count)
+    heights = spacing / 2 * (1 + node)
+    angle = tau * step / (2 * RING_NODES) * node
+    at_node = np.repeat(path, 2)
+    points = np.empty((8, 2 * count, 3))
+    for number in range(8):
+        azimuth = (angle if number < 4 else -angle) + number * pi / 2
+        points[number] = np.stack([at_node * np.cos(azimuth), heights, at_node * np.sin(azimuth)], axis=1)
+    edges = np.diff(points, axis=1)
+    frames = _frames_of(edges, np.cross([0.0, 1.0, 0.0], edges))
+    radius = np.empty(2 * count - 1)
+    radius[::2], radius[1::2] = fibre, (fibre[1:] + fibre[:-1]) / 2
+    ring = step * np.arange(count)
+    quarter = RING_NODES // 4 * np.arange(8)[:, None]
+    nodes = np.where(np.arange(8)[:, None] < 4, ring, -ring) + quarter
+    family = RodFamily(points=points, frames=frames, radius=np.tile(radius, (8, 1)), density=np.full(8, arm.densities[3]))
+    return family, nodes % RING_NODES, heights
+
+
+def _frames_of(edges, first):
+    d3 = edges / np.linalg.norm(edges, axis=-1, keepdims=True)
+    d1 = np.broadcast_to(first, d3.shape)
+    d1 = d1 - np.sum(d1 * d3, axis=-1, keepdims=True) * d3
+    d1 = d1 / np.linalg.norm(d1, axis=-1, keepdims=True)
+    return np.stack([d1, np.cross(d3, d1), d3], axis=-2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stiffness:
+    """Stiffnesses of a rod family (R, n), at rest.
+
+    Attributes
+    ----------
+    shear : (R, n) float64, N
+    bend, twist : (R, n) float64, N m^2
+    inertia : (R, n) float64, kg m^2
+        Rotary, in bending; twice that in twist.
+    """
+
+    shear: np.ndarray
+    bend: np.ndarray
+    twist: np.ndarray
+    inertia: np.ndarray
+
+
+def stiffness(arm, family):
+    """Stiffnesses of the rods of `family`, from the moduli of `arm`."""
+    moment = family.second_moment
+    return Stiffness(
+        shear=SHEAR_COEFFICIENT * arm.shear_modulus * family.area,
+        bend=arm.youngs_modulus * moment,
+        twist=2 * arm.shear_modulus * moment,
+        inertia=family.density[:, None] * family.length * moment,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StraightConnections:
+    """Side-by-side connections of two straight rods, element by element; P pairs of rods.
+
+    Attributes
+    ----------
+    first, second : (P,) int
+    direction1, direction2 : (P, N, 3) float64
+        Unit vectors towards the other rod, in the own material frame.
+    gap : (P, N) float64, m
+    spring : (P, N) float64, N/m
+    contact : (P, N) float64, N/m^1.5
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    direction1: np.ndarray
+    direction2: np.ndarray
+    gap: np.ndarray
+    spring: np.ndarray
+    contact: np.ndarray
+
+
+def straight_connections(arm, geometry):
+    """Connections of the cord with each longitudinal muscle (first eight), and of these with their neighbours."""
+    first = np.array(8 * [0] + list(range(1, 9)))
+    second = np.array([*range(1, 9), *range(2, 9), 1])
+    rods = geometry.straight
+    between = rods.centres[second] - rods.centres[first]
+    distance = np.linalg.norm(between, axis=2)
+    unit = between / distance[..., None]
+    radius1, radius2 = rods.radius[first], rods.radius[second]
+    stiff = radius1 * radius2 / (radius1 + radius2) ** 2 * geometry.spacing * arm.youngs_modulus
+    return StraightConnections(
+        first=first,
+        second=second,
+        direction1=np.einsum("pnij,pnj->pni", rods.frames[first], unit),
+        direction2=np.einsum("pnij,pnj->pni", rods.frames[second], -unit),
+        gap=distance - radius1 - radius2,
+        spring=STRAIGHT_SPRING * stiff,
+        contact=STRAIGHT_CONTACT * stiff * ROOT_MILLIMETRE,
+    )
+
+
+ROOT_MILLIMETRE = 1e-3**-0.5
+"""Contacts in the source have the spring's number in force per mm^1.5: this turns N/m into N/m^1.5."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RingConnections:
+    """Constants of the connections of N rings.
+
+    Attributes
+    ----------
+    muscle_spring : (N,) float64, N/m
+        Ring to longitudinal muscle.
+    muscle_torque : (N,) float64, N/m
+        Orientation lock of the same joint.
+    muscle_contact : (N,) float64, N/m^1.5
+    ring_spring : (N - 1,) float64, N/m
+        Ring i to ring i + 1, at each spoke.
+    oblique_spring : (N,) float64, N/m
+    oblique_contact : (N,) float64, N/m^1.5
+    """
+
+    muscle_spring: np.ndarray
+    muscle_torque: np.ndarray
+    muscle_contact: np.ndarray
+    ring_spring: np.ndarray
+    oblique_spring: np.ndarray
+    oblique_contact: np.ndarray
+
+
+def ring_connections(arm, geometry):
+    """Constants of all connections that involve a ring."""
+    thick, modulus = arm.ring_radius, arm.youngs_modulus
+    element = geometry.rings.length[:, 0]
+    perimeter = geometry.rings.length.sum(axis=1)
+    muscle = 2 * thick * perimeter * modulus / (thick + geometry.straight.radius[1]) * RING_MUSCLE_SPRING
+    oblique = 2 * thick * element * modulus / (thick + geometry.oblique.radius[0, ::2]) * RING_OBLIQUE_SPRING
+    return RingConnections(
+        muscle_spring=muscle,
+        muscle_torque=perimeter / 2 * modulus * RING_MUSCLE_TORQUE,
+        muscle_contact=RING_MUSCLE_CONTACT * muscle * ROOT_MILLIMETRE,
+        ring_spring=2 * thick * element[1:] * SPOKE * modulus / geometry.spacing * RING_RING_SPRING,
+        oblique_spring=oblique,
+        oblique_contact=RING_OBLIQUE_CONTACT * oblique * ROOT_MILLIMETRE,
+    )
