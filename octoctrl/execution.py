@@ -151,10 +151,18 @@ class _Custom:
                     f"feedback returned a level for '{unknown}'{suggest(unknown, MUSCLE_GROUPS)} ({', '.join(MUSCLE_GROUPS)})"
                 )
             answer = [answer.get(group, 0.0) for group in MUSCLE_GROUPS]
-        levels = np.asarray(answer, dtype=float)
-        if levels.ndim not in (1, 2) or len(levels) != len(MUSCLE_GROUPS):
-            raise OctoctrlError(f"feedback returned levels of shape {levels.shape}; (11,), (11, n) or a dict of group to level is needed")
-        return _Constant(np.broadcast_to(levels.reshape(len(levels), -1), (len(levels), len(observation.stretch))))
+        count, elements = len(MUSCLE_GROUPS), len(observation.stretch)
+        try:
+            levels = np.asarray(answer, dtype=float)
+        except (TypeError, ValueError):
+            raise OctoctrlError(
+                f"feedback returned {type(answer).__name__} {answer!r}; (11,), (11, n) or a dict of group to level is needed"
+            ) from None
+        if levels.shape not in ((count,), (count, 1), (count, elements)):
+            raise OctoctrlError(
+                f"feedback returned levels of shape {levels.shape}; (11,), (11, n) or a dict of group to level is needed, n = {elements}"
+            )
+        return _Constant(np.broadcast_to(levels.reshape(count, -1), (count, elements)))
 
     def statistics(self):
         return {}
@@ -166,6 +174,14 @@ class _Constant:
 
     def levels(self, times, edges):
         return np.repeat(self.held[None], len(times), axis=0)
+
+
+def _at_rest(observation):
+    """The first instant as a recording, for a run that is cut short before it moves."""
+    return Recording(
+        time=np.array([observation.time]), points=observation.points[None], frames=observation.frames[None], stations=observation.stations,
+        stretch=observation.stretch[None], levels=np.zeros((1, len(MUSCLE_GROUPS), len(observation.stretch))),
+    )  # fmt: skip
 
 
 class _Run:
@@ -253,7 +269,7 @@ class _Run:
     def _result(self, status, note, wall_time):
         from octoctrl.sim.topology import measure
 
-        recording = Recording.joined(self.pieces)
+        recording = Recording.joined(self.pieces or [_at_rest(self.plant.observe())])
         recording = replace(recording, complete=status is ExecutionStatus.FINISHED, note=note)
         clock = np.interp(recording.time, self.instants, self.readings)
         convention = self.plan.task.convention

@@ -23,6 +23,9 @@ CORRECTION, REST_SHARE = 0.1, 0.05
 """Change of a level, at the group's highest planned level, that costs as much as an error of `TOPOLOGY_ERROR`; and the share of it that a
 group at rest has. A resting muscle can only pull, so that what should correct both ways would curl the arm."""
 
+LEAST_LEVEL = 1e-3
+"""Highest planned level of a group that hardly takes part; keeps its corrections finite."""
+
 SHAPE_ERROR = 0.1
 """Error of all strains, as bending strain or stretch, that costs as much."""
 
@@ -121,7 +124,7 @@ def design(plan, model, period=0.05):
     values, slopes = model.output_slopes(motion.strains, plan.task.convention.pole)
     values, slopes = values[:, :2], slopes[:, :2].reshape(count + 1, 2, -1)
     price = np.swapaxes(slopes, 1, 2) @ slopes / TOPOLOGY_ERROR**2 + np.diag(1 / (SHAPE_ERROR * scale) ** 2)
-    effort = 1 / (CORRECTION * (REST_SHARE + planned / planned.max(axis=0))) ** 2
+    effort = 1 / (CORRECTION * (REST_SHARE + planned / np.maximum(planned.max(axis=0), LEAST_LEVEL))) ** 2
     terminal_gain, cost_to_go, _ = dlqr(transition[-1], influence[-1], price[-1], np.diag(effort[-1]))
     radius = np.abs(np.linalg.eigvals(transition[-1] - influence[-1] @ terminal_gain)).max()
     cost, gains, inverse = np.empty((count + 1, *cost_to_go.shape)), np.empty((count, len(groups), len(scale))), []
