@@ -6,7 +6,7 @@ inputs of the reduced model. Users add their own by writing a frozen dataclass w
 
 from dataclasses import dataclass, fields
 from math import inf
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from octoctrl.sim.activation import Activation, Plateau, Template, Wave
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS
@@ -14,6 +14,10 @@ from octoctrl.sim.errors import OctoctrlError, check_choice, suggest
 
 SIDES = {"LM1": ("LM1", "LM2", "LM8"), "LM3": ("LM2", "LM3", "LM4"), "LM5": ("LM4", "LM5", "LM6"), "LM7": ("LM6", "LM7", "LM8")}
 """The three longitudinal muscles that bend the arm towards the side of the middle one."""
+
+
+LEVEL_BOUNDS, RAMP_BOUNDS, SPEED_BOUNDS = (0.02, 0.75), (0.1, 4.0), (0.01, 0.4)
+"""Range in which the planner may choose a level, the duration of a ramp (s) and the speed of a front (m/s)."""
 
 
 @runtime_checkable
@@ -30,10 +34,9 @@ class Primitive(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Twist:
-    """Contract one oblique family: stores twist, R-OM negative and L-OM positive."""
+class _Ramped:
+    """Numbers of every primitive that switches muscles on and off with ramps; a subclass names the muscles in `groups`."""
 
-    hand: str
     level: float = 0.3
     onset: float = 0.0
     rise: float = 0.5
@@ -42,41 +45,73 @@ class Twist:
     window: tuple[float, float] = (0.0, inf)
 
     def __post_init__(self):
-        check_choice("hand", self.hand, ("R-OM", "L-OM"))
         self.templates()
 
+    @property
+    def groups(self):
+        """Muscle groups that it contracts."""
+        raise NotImplementedError
+
     def templates(self):
-        """One plateau on the family."""
-        return (_plateau(self, (self.hand,)),)
+        """One plateau on the muscles."""
+        numbers = {name: getattr(self, name) for name in ("level", "onset", "rise", "offset", "fall", "window")}
+        return (Plateau(groups=self.groups, **numbers),)
 
     def bounds(self):
         """Levels keep a quarter of the activation as headroom for feedback."""
-        return dict(_PLATEAU_BOUNDS)
+        return {"level": LEVEL_BOUNDS, "rise": RAMP_BOUNDS, "fall": RAMP_BOUNDS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bend:
+class Twist(_Ramped):
+    """Contract one oblique family: stores twist, R-OM negative and L-OM positive."""
+
+    hand: str
+
+    @property
+    def groups(self):
+        """The family."""
+        check_choice("hand", self.hand, ("R-OM", "L-OM"))
+        return (self.hand,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bend(_Ramped):
     """Contract three neighbouring longitudinal muscles along a window at once: curls towards their side."""
 
     side: str = "LM1"
-    level: float = 0.3
-    onset: float = 0.0
     rise: float = 1.0
-    offset: float = inf
     fall: float = 1.0
-    window: tuple[float, float] = (0.0, inf)
 
-    def __post_init__(self):
+    @property
+    def groups(self):
+        """The three muscles of the side."""
         check_choice("side", self.side, tuple(SIDES))
-        self.templates()
+        return SIDES[self.side]
 
-    def templates(self):
-        """One plateau on the three muscles."""
-        return (_plateau(self, SIDES[self.side]),)
 
-    def bounds(self):
-        """Levels keep a quarter of the activation as headroom for feedback."""
-        return dict(_PLATEAU_BOUNDS)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shorten(_Ramped):
+    """Contract all longitudinal muscles along a window."""
+
+    level: float = 0.2
+
+    @property
+    def groups(self):
+        """All eight muscles."""
+        return LONGITUDINAL_GROUPS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Elongate(_Ramped):
+    """Contract the transverse muscle along a window: the section narrows and the arm lengthens."""
+
+    level: float = 0.2
+
+    @property
+    def groups(self):
+        """The transverse muscle."""
+        return ("TM",)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,62 +128,17 @@ class BendWave:
     window: tuple[float, float] = (0.0, inf)
 
     def __post_init__(self):
+        self.templates()
+
+    def templates(self):
+        """One wave on the three muscles of the side."""
         check_choice("side", self.side, tuple(SIDES))
-        self.templates()
-
-    def templates(self):
-        """One wave on the three muscles."""
-        return (_wave(self, SIDES[self.side]),)
+        names = ("level", "speed", "width", "onset", "offset", "end_level", "window")
+        return (Wave(groups=SIDES[self.side], **{name: getattr(self, name) for name in names}),)
 
     def bounds(self):
         """Levels keep a quarter of the activation as headroom for feedback."""
-        return dict(_WAVE_BOUNDS)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shorten:
-    """Contract all longitudinal muscles along a window."""
-
-    level: float = 0.2
-    onset: float = 0.0
-    rise: float = 0.5
-    offset: float = inf
-    fall: float = 0.5
-    window: tuple[float, float] = (0.0, inf)
-
-    def __post_init__(self):
-        self.templates()
-
-    def templates(self):
-        """One plateau on the eight muscles."""
-        return (_plateau(self, LONGITUDINAL_GROUPS),)
-
-    def bounds(self):
-        """Levels keep a quarter of the activation as headroom for feedback."""
-        return dict(_PLATEAU_BOUNDS)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Elongate:
-    """Contract the transverse muscle along a window: the section narrows and the arm lengthens."""
-
-    level: float = 0.2
-    onset: float = 0.0
-    rise: float = 0.5
-    offset: float = inf
-    fall: float = 0.5
-    window: tuple[float, float] = (0.0, inf)
-
-    def __post_init__(self):
-        self.templates()
-
-    def templates(self):
-        """One plateau on the transverse muscle."""
-        return (_plateau(self, ("TM",)),)
-
-    def bounds(self):
-        """Levels keep a quarter of the activation as headroom for feedback."""
-        return dict(_PLATEAU_BOUNDS)
+        return {"level": LEVEL_BOUNDS, "speed": SPEED_BOUNDS}
 
 
 PRIMITIVES = {kind.__name__: kind for kind in (Bend, BendWave, Elongate, Shorten, Twist)}
@@ -170,8 +160,6 @@ class Schedule:
     primitives: tuple[Primitive, ...]
     duration: float
     composition: str = "override"
-
-    KNOWN: ClassVar[dict] = PRIMITIVES
 
     def __post_init__(self):
         if not self.primitives:
@@ -200,32 +188,3 @@ def primitive(kind, **numbers):
         if key not in known:
             raise OctoctrlError(f"{kind} has no '{key}'{suggest(key, known)} ({', '.join(known)})")
     return PRIMITIVES[kind](**numbers)
-
-
-_PLATEAU_BOUNDS = {"level": (0.02, 0.75), "rise": (0.1, 4.0), "fall": (0.1, 4.0)}
-_WAVE_BOUNDS = {"level": (0.02, 0.75), "speed": (0.01, 0.4)}
-
-
-def _plateau(primitive, groups):
-    return Plateau(
-        groups=groups,
-        level=primitive.level,
-        onset=primitive.onset,
-        rise=primitive.rise,
-        offset=primitive.offset,
-        fall=primitive.fall,
-        window=primitive.window,
-    )
-
-
-def _wave(primitive, groups):
-    return Wave(
-        groups=groups,
-        level=primitive.level,
-        speed=primitive.speed,
-        width=primitive.width,
-        onset=primitive.onset,
-        offset=primitive.offset,
-        end_level=primitive.end_level,
-        window=primitive.window,
-    )

@@ -34,7 +34,8 @@ class MuscleScalars(NamedTuple):
     transverse: LawConstants
 
 
-def _guard_and_record(stride):
+def _closing_kernel(stride):
+    """Compile what ends a sample: ``(buffer, n, points, directors, stretch)`` are checked, recorded if fine -> finding, element."""
     o = offsets(stride)
     X1, X2, X3, STRETCH, LENGTH, JOINT_LENGTH = (o[k] for k in ("X1", "X2", "X3", "STRETCH", "LENGTH", "JOINT_LENGTH"))
     Q = tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
@@ -53,7 +54,10 @@ def _guard_and_record(stride):
         return FINE, ONE
 
     @kernel
-    def record(b, n, points, directors, stretch):
+    def close(b, n, points, directors, stretch):
+        finding, element = guard(b, n)
+        if finding != FINE:
+            return finding, element
         for k in range(ONE, n + ONE + ONE):
             points[k - ONE, 0], points[k - ONE, 1], points[k - ONE, 2] = b[X1 + k], b[X2 + k], b[X3 + k]
         for k in range(ONE, n + ONE):
@@ -61,8 +65,9 @@ def _guard_and_record(stride):
                 directors[k - ONE, i // 3, i % 3] = b[Q[i] + k]
             d1, d2, d3 = b[X1 + k + ONE] - b[X1 + k], b[X2 + k + ONE] - b[X2 + k], b[X3 + k + ONE] - b[X3 + k]
             stretch[k - ONE] = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3) / b[LENGTH + k]
+        return finding, element
 
-    return guard, record
+    return close
 
 
 def elastic_stepper(stride, constant_section):
@@ -82,7 +87,7 @@ def elastic_stepper(stride, constant_section):
         is the length of `points`, and fills the three arrays. Returns ``(samples done, finding, element)``.
     """
     drift, strain, curvature, _, moment, transport, kick, _ = rod_kernels(stride, constant_section)
-    guard, record = _guard_and_record(stride)
+    close = _closing_kernel(stride)
 
     @kernel
     def advance(b, n, h, steps, points, directors, stretch):
@@ -95,10 +100,9 @@ def elastic_stepper(stride, constant_section):
                 transport(b, n)
                 kick(b, n)
                 drift(b, n, h if step + 1 < steps else 0.5 * h)
-            finding, element = guard(b, n)
+            finding, element = close(b, n, points[sample], directors[sample], stretch[sample])
             if finding != FINE:
                 return sample, finding, element
-            record(b, n, points[sample], directors[sample], stretch[sample])
         return points.shape[0], FINE, ONE
 
     return advance
@@ -118,7 +122,7 @@ def muscular_stepper(stride):
     measure, apply, remember, brake, relax = section_kernels(stride)
     longitudinal_active, oblique_active, transverse_active = fibre_kernels(stride, True)
     longitudinal_passive, oblique_passive, transverse_passive = fibre_kernels(stride, False)
-    guard, record = _guard_and_record(stride)
+    close = _closing_kernel(stride)
     LEVEL = offsets(stride)["LEVEL"]
 
     @kernel
@@ -166,10 +170,9 @@ def muscular_stepper(stride):
                 brake(b, n)
                 relax(b, n)
                 drift(b, n, h if step + 1 < steps else 0.5 * h)
-            finding, element = guard(b, n)
+            finding, element = close(b, n, points[sample], directors[sample], stretch[sample])
             if finding != FINE:
                 return sample, finding, element
-            record(b, n, points[sample], directors[sample], stretch[sample])
         return points.shape[0], FINE, ONE
 
     return advance

@@ -76,7 +76,7 @@ FILES = [
     ("length = 0.2", "elements = 9.5", "reach.toml:16 arm.elements: expected a whole number, found the number 9.5"),
     ("length = 0.2", "densities = [1, 2]", "reach.toml:16 arm.densities: expected 4 values, found 2"),
     ('primitive = "Twist"', 'primitive = "bendwave"', "reach.toml:11 task.drives[0].primitive: unknown primitive 'bendwave'; did you mean 'BendWave'? (Bend, BendWave, Elongate, Shorten, Twist)"),
-    ("level = 0.3", "levle = 0.3", "reach.toml:13 task.drives[0].settings.levle: unknown key; did you mean 'level'? (known: hand, level, onset, rise, offset, fall, window)"),
+    ("level = 0.3", "levle = 0.3", "reach.toml:13 task.drives[0].settings.levle: unknown key; did you mean 'level'? (known: level, onset, rise, offset, fall, window, hand)"),
     ("level = 0.3", "level = 3", "reach.toml:9 task.drives[0]: level=3 is outside 0…1"),
     ('begins = "store"', 'begins = "stor"', "reach.toml:1 task: drive 'twist': unknown phase 'stor'; did you mean 'store'? (store)"),
     ("[arm]", "[arm", "reach.toml:15: not valid TOML: expected ']' at the end of a table declaration"),
