@@ -1,6 +1,6 @@
 """Carry out a plan on the plant, open loop or with feedback, phase by phase."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from time import perf_counter
 
 import numpy as np
@@ -184,6 +184,14 @@ def _at_rest(observation):
     )  # fmt: skip
 
 
+def _planned(trace, clock, time):
+    """The plan's trace at readings of the phase clock, which may stand, as a trace over the plant's time."""
+    readings, place = np.unique(np.clip(clock, 0.0, trace.time[-1]), return_inverse=True)
+    found = trace.at(readings)
+    series = {item.name: getattr(found, item.name)[place] for item in fields(found) if item.name not in ("time", "convention")}
+    return replace(found, time=time, **series)
+
+
 class _Run:
     """One execution, period by period: real time goes on, the phase clock may wait."""
 
@@ -274,10 +282,9 @@ class _Run:
         clock = np.interp(recording.time, self.instants, self.readings)
         convention = self.plan.task.convention
         trace = measure(recording.time, recording.points, recording.frames, convention)
-        planned = self.plan.trace.at(np.clip(clock, 0.0, self.plan.trace.time[-1]))
         simulated = float(recording.time[-1])
         return Execution(
-            plan=self.plan, recording=recording, trace=trace, planned=replace(planned, time=recording.time),
+            plan=self.plan, recording=recording, trace=trace, planned=_planned(self.plan.trace, clock, recording.time),
             feedback=self.controller.name, events=tuple(self.events), status=status,
             statistics={
                 "wall_time": wall_time,

@@ -147,9 +147,14 @@ def test_waiting_is_bounded(plan):
     assert impatient.statistics["waited"] == pytest.approx(0.0, abs=0.01)
 
 
-def test_settling_goes_on_after_the_last_phase(short):
-    execution = execute(short, feedback="open-loop", settle=0.2)
-    assert execution.recording.time[-1] == pytest.approx(0.5) and execution.status is ExecutionStatus.FINISHED
+@pytest.mark.parametrize("feedback", ["open-loop", "tvlqr"])
+def test_settling_goes_on_after_the_last_phase(plan, feedback):
+    execution = execute(plan, feedback=feedback, settle=0.4)
+    waited, late = execution.statistics["waited"], execution.recording.time > plan.schedule.duration + execution.statistics["waited"]
+    assert execution.recording.time[-1] == pytest.approx(plan.schedule.duration + 0.4 + waited, abs=0.03)
+    assert execution.status is ExecutionStatus.FINISHED and late.sum() > 10
+    np.testing.assert_allclose(execution.planned.twist[late], plan.trace.twist[-1], atol=1e-9)
+    assert abs(execution.trace.twist[-1] - plan.trace.twist[-1]) < 0.1
 
 
 # Feedback of one's own
