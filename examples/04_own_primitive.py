@@ -46,9 +46,9 @@ def main(quick=False):
         drives=(oc.Drive(name="screw", primitive="Corkscrew", begins="wind", free=("level", "share", "rise")),),
     )
     plan = oc.plan(task)
-    run = oc.execute(plan, settle=0.0 if quick else 1.0)
+    run = oc.execute(plan)
     print(plan, run, oc.verify(run), sep="\n\n")
-    oc.plot(run, "04_own_primitive.png", overwrite=True)
+    oc.plot(run, "04_own_primitive.png", overwrite=True, snapshots=1 if quick else 2)
 
 
 if __name__ == "__main__":

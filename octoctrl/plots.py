@@ -76,7 +76,7 @@ def _draw_traces(panels, comparison):
     for axes, name, label in zip(panels, ("link", "writhe", "twist"), ("link Lk", "writhe Wr", "twist Tw"), strict=True):
         smooth = name if name == "twist" else f"lifted_{name}"
         measured, expected = getattr(simulated, smooth), getattr(planned, smooth)
-        if name != "twist":
+        if name != "twist" and np.any(simulated.crossings != simulated.crossings[0]):
             raw = np.array(getattr(simulated, name))
             raw[1:][np.abs(np.diff(raw)) > 1.0] = np.nan
             axes.plot(time, raw, color="0.62", lw=1.2, ls=":", zorder=1, label="simulated, with its jumps by 2 at self-crossings")
@@ -88,7 +88,7 @@ def _draw_traces(panels, comparison):
         error = f"rms error\n{rms(measured - expected):.3f} turns"
         axes.text(1.008, 0.5, error, transform=axes.transAxes, va="center", fontsize=7.5, color=TEXT)
     handles, labels = panels[0].get_legend_handles_labels()
-    order = [1, 2, 0]
+    order = sorted(range(len(labels)), key=lambda k: ("jumps" in labels[k], labels[k] == "planned"))
     panels[0].legend(
         [handles[k] for k in order], [labels[k] for k in order], fontsize=7.5, frameon=False, loc="best", ncols=3, handlelength=2.6,
         borderaxespad=0.2,
@@ -114,7 +114,7 @@ def _draw_activations(axes, execution):
         colour = _GROUP_COLOURS.get(groups[0], COLOURS["writhe"])
         axes.fill_between(recording.time, base, base + height * planned, color=colour, alpha=0.3, lw=0)
         axes.plot(recording.time, base + height * applied, color=colour, lw=1.5)
-        what = "LM" if set(groups) <= set(LONGITUDINAL_GROUPS) else "/".join(groups)
+        what = "+".join(dict.fromkeys("LM" if group in LONGITUDINAL_GROUPS else group for group in groups))
         said.append(f"{labels[row].replace('_', ' ')}\n{what}, peak {applied.max():.2f}")
     axes.set_yticks([0.35 - row for row in range(len(labels))], said, fontsize=7.5)
     axes.tick_params(axis="y", length=0)
@@ -135,6 +135,8 @@ def _mark_phases(axes, execution, names):
             axes.axvspan(start, stop, color="0.96", lw=0, zorder=-2)
         if names:
             axes.text((start + stop) / 2, 1.02, name, transform=axes.get_xaxis_transform(), ha="center", va="bottom", fontsize=9)
+        if name not in ends:  # the run was cut short here
+            break
 
 
 # ---------------------------------------------------------------- the arm in space
@@ -240,7 +242,7 @@ def _draw_arm(axes, shape, camera, shift):
             disc(line[k], 0.10 * shape.radii[k] + 0.35, colour)
     axes.add_collection(
         EllipseCollection(sizes, sizes, np.zeros(len(sizes)), units="xy", offsets=centres, offset_transform=axes.transData,
-        facecolors=colours, edgecolors="none", zorder=2)
+        facecolors=colours, edgecolors="none", zorder=2, rasterized=True)
     )  # fmt: skip
 
 
