@@ -360,7 +360,7 @@ class _Run:
 
     def residual(self, model):
         strains = model.simulate_levels(self.levels, self.steps, start=self.start).strains[1:]
-        predicted = self._features(model.frames(strains, self.stations), strains[..., 3].mean(axis=1))
+        predicted = self._features(model.frames(strains, self.stations), strains[..., 3] @ model.shares)
         return np.nan_to_num(predicted - self.measured, nan=10.0, posinf=10.0, neginf=-10.0).ravel()
 
 

@@ -13,7 +13,7 @@ from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
 from octoctrl.sim.scene import Scene
 
-from .reduced_kinematics import StrainFit, element_points, element_stations, integrate_frames, section_bounds
+from .reduced_kinematics import StrainFit, element_points, element_stations, hat_means, integrate_frames, section_bounds
 from .reduced_parameters import ReducedParameters
 
 LAWS = ("known", "generic")
@@ -92,6 +92,11 @@ class ReducedModel:
     def edges(self):
         """Arclengths that bound the sections, (S + 1,), m."""
         return section_bounds(self.arm, self.sections)
+
+    @property
+    def shares(self):
+        """Share of each section in the arm's length, (S,): the mean of a strain over the arm is its product with these."""
+        return hat_means([0.0, self.arm.length], self.edges)[0]
 
     @property
     def rest(self):

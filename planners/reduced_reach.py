@@ -133,9 +133,9 @@ def reach_limits(model, side, level):
         for group, value in case.items():
             row[MUSCLE_GROUPS.index(group)] = value
     strains = equilibrium(model, levels)
-    twists = strains[..., 2].mean(axis=1) * model.arm.length / (2 * np.pi)
-    turns = np.linalg.norm(strains[..., :2], axis=-1).mean(axis=1) * model.arm.length / (2 * np.pi)
-    stretch = strains[..., 3].mean(axis=1)
+    twists = strains[..., 2] @ model.shares * model.arm.length / (2 * np.pi)
+    turns = np.linalg.norm(strains[..., :2], axis=-1) @ model.shares * model.arm.length / (2 * np.pi)
+    stretch = strains[..., 3] @ model.shares
     mean_bend = strains[mixed - 1, :, :2].sum(axis=0)
     base1, base2 = model.frames(model.rest, [0.0, model.arm.length])[0, :2]
     pole = mean_bend[0] * base1 + mean_bend[1] * base2
