@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from octoctrl.sim.arm import MUSCLE_GROUPS
+from octoctrl.sim.errors import check_number
 from octoctrl.sim.trace import TopologyTrace
 
 from .plan import Plan, PlanStatus
@@ -317,7 +318,14 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
     -------
     Plan
         Always a plan; its status says whether it meets the goals.
+
+    Raises
+    ------
+    OctoctrlError
+        If a limit is not positive.
     """
+    check_number("time_limit", time_limit, above=0.0, unit="s")
+    check_number("max_iterations", max_iterations, at_least=1)
     begin = perf_counter()
     model = identified.model
     reason = unreachable(task, identified.reach)
