@@ -56,6 +56,11 @@ class ReducedModel:
     step : float, s
         Default time step; 0.05 for prediction, 0.1 is enough for planning.
 
+    Raises
+    ------
+    OctoctrlError
+        If an argument is out of range, or there is no water: without drag a model without inertia has no rate of its own.
+
     Examples
     --------
     >>> model = ReducedModel()
@@ -73,6 +78,8 @@ class ReducedModel:
     def __post_init__(self):
         check_choice("laws", self.laws, LAWS)
         check_number("step", self.step, above=0.0, at_most=0.5, unit="s")
+        if self.scene.water is None or self.scene.water.factor == 0.0:
+            raise OctoctrlError("the reduced model has no inertia and moves against drag; give the scene water with a factor above 0")
         if not isinstance(self.sections, int) or not 2 <= self.sections <= 40:
             raise OctoctrlError(f"sections={self.sections!r}: a whole number from 2 to 40 is needed (8 advised)")
 

@@ -21,8 +21,6 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from octoctrl.sim.errors import OctoctrlError
-
 from .reduced_kinematics import BASE_FRAME, section_bounds
 from .reduced_outputs import exponential
 
@@ -62,15 +60,7 @@ def element_edges(arm, sections):
 
 
 def node_drag(arm, water, edges):
-    """Drag of the far ends of the elements between `edges`, by the trapezoidal rule.
-
-    Raises
-    ------
-    OctoctrlError
-        If there is no water: without drag a model without inertia has no rate of its own.
-    """
-    if water is None or water.factor == 0.0:
-        raise OctoctrlError("the reduced model has no inertia and moves against drag; give the scene water with a factor above 0")
+    """Drag of the far ends of the elements between `edges`, by the trapezoidal rule."""
     section = arm.section(edges[1:])
     widths = np.diff(edges)
     weights = (widths + np.append(widths[1:], 0.0)) / 2 * water.factor
