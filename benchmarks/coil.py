@@ -128,7 +128,8 @@ def wrong_plant(plan, longitudinal, oblique, drag):
 def loops(plan):
     print("\nThe coil on the rod plant")
     print(
-        f"{'plant':>14} {'loop':>10} {'writhe rms':>11} {'max':>6} {'twist rms':>10} {'max':>6} {'crossings':>10} {'level time':>11} {'wall':>7}"
+        f"{'plant':>14} {'loop':>10} {'writhe rms':>11} {'max':>6} {'twist rms':>10} {'max':>6} "
+        f"{'crossings':>10} {'level time':>11} {'wall':>7}"
     )
     for name, factors in PLANTS.items():
         for feedback in ("open-loop", "tvlqr"):
