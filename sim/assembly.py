@@ -1,0 +1,196 @@
+"""The full arm as a plant: 1 nerve cord, 8 longitudinal muscles, 8 oblique helices and all rings, connected and under pressure.
+
+Numerics: position Verlet at a fixed step, stretch from length, muscle force along the tangent, linearly implicit force-velocity law, exact
+damping, rotary inertia of thin elements raised to what the step can carry, softened contacts, no filter, passive nerve cord.
+"""
+
+from functools import cache
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+
+from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
+from .assembly_buffer import fill_parameters, new_assembly, set_rest
+from .assembly_geometry import RING_NODES, assembly_geometry
+from .assembly_layout import AssemblyRow
+from .errors import OctoctrlError, PlantUnstableError, check_number
+from .plant import Observation, Plant
+from .rod import FINDINGS
+from .scene import Scene
+
+DEFAULT_STEP = 4e-5
+LARGEST_STEP = 6e-5
+
+
+@cache
+def _compiled(lanes, count, inclination):
+    from .assembly_stepping import assembly_stepper
+
+    return assembly_stepper(lanes, count, inclination)
+
+
+class AssemblyPlant(Plant):
+    """A simulated arm of 197 rods, with the interface of `Plant`.
+
+    Parameters
+    ----------
+    arm : Arm
+    scene : Scene
+    dt : float or "auto", s
+        Largest time step; ``"auto"`` is `DEFAULT_STEP`.
+    sample_interval, record_every
+        As in `Plant`.
+
+    Raises
+    ------
+    OctoctrlError
+        If an argument is out of range or the arm's fibres do not fit the grid.
+    """
+
+    def __init__(self, arm=None, scene=None, *, dt="auto", sample_interval=5e-3, record_every=2):
+        self.arm = Arm.octopus() if arm is None else arm
+        self.scene = Scene() if scene is None else scene
+        check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
+        largest = DEFAULT_STEP if dt == "auto" else dt
+        check_number("dt", largest, above=0.0, at_most=LARGEST_STEP, unit="s", advice="use dt='auto'")
+        self.sample_interval, self.record_every = sample_interval, record_every
+        self.geometry = assembly_geometry(self.arm)
+        self.elements = self.geometry.count
+        self.edges = np.linspace(0.0, self.arm.length, self.elements + 1)
+        self.stations = np.concatenate([[0.0], (self.edges[1:] + self.edges[:-1]) / 2, [self.arm.length]])
+        self.limits = {"thin rings": LARGEST_STEP}
+        self.steps = max(1, ceil(sample_interval / largest - 1e-9))
+        self.h = sample_interval / self.steps
+        self.rods = new_assembly(self.geometry)
+        set_rest(self.rods, self.geometry)
+        water = self.scene.water
+        fill_parameters(self.rods, self.arm, self.geometry, self.h, water)
+        drag = (0.0, 0.0) if water is None else (water.normal_coefficient, water.tangential_coefficient)
+        density = 0.0 if water is None else water.density * water.factor
+        self._drag = (density * drag[0], density * drag[1])
+        self._laws = self._law_constants()
+        self.reset()
+
+    def _law_constants(self):
+        from .muscle_kernels import law_constants
+
+        return tuple(law_constants(law) for law in (self.arm.longitudinal, self.arm.oblique, self.arm.transverse))
+
+    def reset(self):
+        """Put the arm back to rest at time zero; returns the first `Observation`."""
+        set_rest(self.rods, self.geometry)
+        self.samples = 0
+        return self.observe()
+
+    def observe(self):
+        """Positions, frames and stretch of the nerve cord now, as an `Observation`."""
+        points = np.stack([self.rods.straight(AssemblyRow.X1 + i, nodes=True)[0] for i in range(3)], axis=1)
+        frames = np.stack([self.rods.straight(AssemblyRow.Q11 + i)[0] for i in range(9)], axis=1).reshape(-1, 3, 3)
+        stretch = np.linalg.norm(np.diff(points, axis=0), axis=1) / self.geometry.straight.length[0]
+        return Observation(time=self.time, points=points, frames=self._with_ends(frames), stations=self.stations, stretch=stretch)
+
+    def nodes(self):
+        """Node positions of the families, m: straight (9, N + 1, 3), oblique (8, 2 N, 3), rings (N, RING_NODES, 3)."""
+        rows = range(AssemblyRow.X1, AssemblyRow.X3 + 1)
+        straight = np.stack([self.rods.straight(row, nodes=True) for row in rows], axis=-1)
+        oblique = np.stack([self.rods.oblique(row, nodes=True) for row in rows], axis=-1)
+        return straight, oblique, np.stack([self.rods.ring(row) for row in rows], axis=-1)
+
+    def muscle_lengths(self):
+        """Lengths of the nerve cord and the eight longitudinal muscles (9,), m, the eight helices (8,) and the rings (N,)."""
+        straight, oblique, rings = self.nodes()
+        closed = np.concatenate([rings, rings[:, :1]], axis=1)
+        return tuple(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1) for points in (straight, oblique, closed))
+
+    def volume(self):
+        """Volume inside the rings' middle lines, from the first ring to the last, m^3: fans of tetrahedra between neighbouring rings."""
+        _, _, rings = self.nodes()
+        centre = rings.mean(axis=1, keepdims=True)
+        left, right = rings, np.roll(rings, -1, axis=1)
+
+        def tetrahedra(a, b, c, d):
+            return np.sum(np.cross(b - a, c - a) * (d - a)) / 6
+
+        low, high = slice(None, -1), slice(1, None)
+        axis_low, axis_high = (np.broadcast_to(centre[part], left[part].shape) for part in (low, high))
+        total = tetrahedra(axis_low, left[low], right[low], axis_high)
+        total += tetrahedra(left[low], right[low], axis_high, left[high])
+        total += tetrahedra(right[low], axis_high, left[high], right[high])
+        return abs(float(total))
+
+    def _levels(self, activation, samples):
+        times = (self.samples + np.arange(samples + 1)) * self.sample_interval
+        inner = np.asarray(activation.levels(times, self.geometry.oblique_edges), dtype=float)
+        self._oblique_levels = np.ascontiguousarray(inner[:, 8:10])
+        return super()._levels(activation, samples)
+
+    def _advance_samples(self, levels):
+        n, samples, rods = self.elements, len(levels) - 1, self.rods
+        points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
+        longitudinal = np.ascontiguousarray(levels[:, : len(LONGITUDINAL_GROUPS)])
+        transverse = np.ascontiguousarray(levels[:, MUSCLE_GROUPS.index("TM")])
+        good = rods.state()
+        step, _ = _compiled(rods.lanes, n, self.geometry.inclination)
+        done, finding, family, where = step(
+            rods.flat, self.h, self.steps, longitudinal, self._oblique_levels, transverse, self._laws, self._drag,
+            rods.ring_index, rods.helix_index, points, frames, stretch,
+        )  # fmt: skip
+        first = self.samples
+        if finding:
+            rods.restore(good)
+            time = (first + done + 1) * self.sample_interval
+            rod, element = self.place(family, int(where))
+            raise PlantUnstableError(
+                f"unstable at t={time:.3f} s: element {element} of {rod} {FINDINGS[finding]} (dt={self.h:.2g} s); "
+                "most likely a sudden activation - smooth it (ramp >= 20 ms) or halve dt",
+                time=time,
+                element=element,
+                recording=self._piece(first, points[:done], frames[:done], stretch[:done], levels),
+            )
+        self.samples += samples
+        return self._piece(first, points, frames, stretch, levels)
+
+    def place(self, family, where):
+        """Name of the rod and number of the element at index `where` in a row of `family` (0 open rods, 1 rings)."""
+        slot, lane = divmod(where, self.rods.lanes)
+        if family == 1:
+            return f"ring {lane - 1}", (slot - 1) % RING_NODES
+        if slot < 9:
+            return ("nerve cord" if slot == 0 else f"LM{slot}"), lane - 1
+        helix, late = divmod(slot - 9, 2)
+        return f"{'L' if helix < 4 else 'R'}-OM helix {helix % 4 + 1}", late * self.rods.lanes + lane - 1
+
+    def save(self, path):
+        """Write the state to an ``.npz`` file; `load` continues from it bit by bit.
+
+        Raises
+        ------
+        OctoctrlError
+            If the file's suffix is not ``.npz``.
+        """
+        if Path(path).suffix != ".npz":
+            raise OctoctrlError(f"unknown format '{Path(path).suffix}'; use .npz")
+        open_rods, rings = self.rods.state()
+        identity = {"model": "assembly", "arm": self.arm.fingerprint, "elements": self.elements, "steps": self.steps}
+        np.savez(path, open_rods=open_rods, rings=rings, samples=self.samples, **identity)
+
+    def load(self, path):
+        """Read a state written by `save`.
+
+        Raises
+        ------
+        OctoctrlError
+            If it belongs to another arm, model, resolution or step.
+        """
+        mine = {"model": "assembly", "arm": self.arm.fingerprint, "elements": self.elements, "steps": self.steps}
+        with np.load(path) as data:
+            for name, value in mine.items():
+                found = data[name] if name in data else "of another model"
+                if found != value:
+                    raise OctoctrlError(
+                        f"{path}: state has {name}={found}, this plant {name}={value}; make the plant as it was when saved"
+                    )
+            self.rods.restore((data["open_rods"], data["rings"]))
+            self.samples = int(data["samples"])
+        return self.observe()

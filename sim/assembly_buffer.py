@@ -1,0 +1,266 @@
+"""The buffer of an assembly, filled from geometry: states at rest, stiffnesses, masses, connection constants, damping for a time step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .assembly_crossing_kernels import HELIX_PLACES, RING_PLACES, buffer_size, crossing_offsets
+from .assembly_geometry import RING_NODES, ring_connections, stiffness, straight_connections
+from .assembly_joint_kernels import spoke_offsets
+from .assembly_kernels import family_offsets
+from .assembly_layout import (
+    CROSSING_SLOTS,
+    OPEN_SLOTS,
+    RING_SLOTS,
+    SPOKE_SLOTS,
+    STATE_ROWS,
+    AssemblyRow,
+    CrossingRow,
+    SpokeRow,
+    lanes_for,
+    stride_of,
+)
+from .rod import phi1
+from .rotations import rotation_vector
+
+SPIN_ARM = 1e-3
+"""Lever (m) that turns the linear drag of rings and helices into a drag on their spin, as in the source, where one number serves both."""
+INERTIA_FLOOR = 0.8
+"""Rotary inertia is at least (shear + bending stiffness of the element) times (this times the step)^2: twice what stability needs."""
+
+R = AssemblyRow
+
+
+@dataclass(slots=True)
+class AssemblyBuffer:
+    """One flat buffer and views of its four parts as rows.
+
+    Attributes
+    ----------
+    lanes : int
+    flat : (size,) float64
+    open_rods, rings, spokes, crossings : (rows, stride) float64
+        Views; rows are those of `AssemblyRow`, `SpokeRow` and `CrossingRow`.
+    ring_index : (6, 8 * lanes) uint64
+    helix_index : (3, 8 * lanes) uint64
+    """
+
+    lanes: int
+    flat: np.ndarray
+    open_rods: np.ndarray
+    rings: np.ndarray
+    spokes: np.ndarray
+    crossings: np.ndarray
+    ring_index: np.ndarray
+    helix_index: np.ndarray
+
+    def state(self):
+        """Copies of the state rows of open rods and rings."""
+        return self.open_rods[:STATE_ROWS].copy(), self.rings[:STATE_ROWS].copy()
+
+    def restore(self, state):
+        """Write back what `state` returned."""
+        self.open_rods[:STATE_ROWS], self.rings[:STATE_ROWS] = state
+
+    def straight(self, row, nodes=False):
+        """View (9, n) of one `row` of the straight rods, n + 1 wide for `nodes`."""
+        count = self._count + int(nodes)
+        return self.open_rods[row, : 9 * self.lanes].reshape(9, self.lanes)[:, 1 : count + 1]
+
+    def oblique(self, row, nodes=False):
+        """View (8, n) of one `row` of the helices, n + 1 wide for `nodes`."""
+        count = 2 * self._count - 1 + int(nodes)
+        return self.open_rods[row, 9 * self.lanes : OPEN_SLOTS * self.lanes].reshape(8, 2 * self.lanes)[:, 1 : count + 1]
+
+    def ring(self, row):
+        """View (N, RING_NODES) of one `row` of the rings."""
+        inner = self.rings[row, self.lanes : (RING_NODES + 1) * self.lanes].reshape(RING_NODES, self.lanes)
+        return inner[:, 1 : self._count + 1].T
+
+    def spoke(self, row):
+        """View (8, N) of one `row` of the spokes."""
+        return self.spokes[row, 2 * self.lanes : 10 * self.lanes].reshape(8, self.lanes)[:, 1 : self._count + 1]
+
+    def crossing(self, row):
+        """View (8, N) of one `row` of the crossings."""
+        return self.crossings[row, : 8 * self.lanes].reshape(8, self.lanes)[:, 1 : self._count + 1]
+
+    @property
+    def _count(self):
+        return int((self.ring_index[2, : self.lanes] > 0).sum())
+
+
+def new_assembly(geometry):
+    """A zeroed buffer for `geometry`, with its tables of indices."""
+    lanes, count = lanes_for(geometry.count), geometry.count
+    flat = np.zeros(buffer_size(lanes))
+
+    def view(start, rows, slots):
+        stride = stride_of(slots, lanes)
+        return flat[int(start) : int(start) + len(rows) * stride].reshape(len(rows), stride)
+
+    ring_index = np.zeros((6, CROSSING_SLOTS, lanes), dtype=np.uint64)
+    helix_index = np.zeros((3, CROSSING_SLOTS, lanes), dtype=np.uint64)
+    lane = np.arange(1, count + 1)
+    for place, away in zip(RING_PLACES, (-2, -1, 0, 1, 2, RING_NODES // 2), strict=True):
+        node = (geometry.oblique_nodes + away) % RING_NODES
+        ring_index[RING_PLACES.index(place), :, 1 : count + 1] = (node + 1) * lanes + lane
+    for j in range(8):
+        side = 1 if j < 4 else -1
+        for place, away in zip(HELIX_PLACES, (side, 0, -side), strict=True):
+            helix_index[HELIX_PLACES.index(place), j, 1 : count + 1] = (9 + 2 * j) * lanes + 2 * (lane - 1) + 1 + away
+    buffer = AssemblyBuffer(
+        lanes=lanes,
+        flat=flat,
+        open_rods=view(family_offsets(lanes, False)["X1"], R, OPEN_SLOTS),
+        rings=view(family_offsets(lanes, True)["X1"], R, RING_SLOTS),
+        spokes=view(spoke_offsets(lanes)["S1"], SpokeRow, SPOKE_SLOTS),
+        crossings=view(crossing_offsets(lanes)["A1"], CrossingRow, CROSSING_SLOTS),
+        ring_index=ring_index.reshape(6, -1),
+        helix_index=helix_index.reshape(3, -1),
+    )
+    return buffer
+
+
+def set_rest(buffer, geometry):
+    """Put all rods to rest in their initial places; ghosts go on along the end edges."""
+    lanes = buffer.lanes
+    buffer.open_rods[:STATE_ROWS], buffer.rings[:STATE_ROWS] = 0.0, 0.0
+    for family, start, wide in ((geometry.straight, 0, 1), (geometry.oblique, 9, 2)):
+        for rod in range(len(family.points)):
+            slot = slice((start + wide * rod) * lanes, (start + wide * (rod + 1)) * lanes)
+            points, frames = family.points[rod], family.frames[rod]
+            after = wide * lanes - len(points) - 1
+            tail = points[-1] + np.arange(1, after + 1)[:, None] * (points[-1] - points[-2])
+            buffer.open_rods[R.X1 : R.X3 + 1, slot] = np.concatenate([[2 * points[0] - points[1]], points, tail]).T
+            padded = np.concatenate([frames[:1], frames, np.repeat(frames[-1:], wide * lanes - len(frames) - 1, axis=0)])
+            buffer.open_rods[R.Q11 : R.Q33 + 1, slot] = padded.reshape(-1, 9).T
+    buffer.open_rods[R.Q11 : R.Q33 + 1, OPEN_SLOTS * lanes :] = np.eye(3).reshape(9, 1)
+    for row, values in zip(range(R.X1, R.X3 + 1), np.moveaxis(geometry.rings.points, -1, 0), strict=True):
+        _set_ring(buffer, row, values)
+    for row, values in zip(range(R.Q11, R.Q33 + 1), np.moveaxis(geometry.rings.frames.reshape(-1, RING_NODES, 9), -1, 0), strict=True):
+        _set_ring(buffer, row, values)
+
+
+def _set_ring(buffer, row, values, ghost=None):
+    """Write values (N, RING_NODES) into a row of the rings, with copies in the ghost lanes (or `ghost`) and the seam's slots."""
+    padded = np.empty((RING_NODES + 2, buffer.lanes))
+    inside = np.broadcast_to(values, (buffer._count, RING_NODES)).T
+    padded[1:-1, 1 : buffer._count + 1] = inside
+    padded[1:-1, 0] = inside[:, 0] if ghost is None else ghost
+    padded[1:-1, buffer._count + 1 :] = inside[:, -1:] if ghost is None else ghost
+    padded[0], padded[-1] = padded[-2], padded[1]
+    buffer.rings[row, : padded.size] = padded.ravel()
+
+
+def fill_parameters(buffer, arm, geometry, h, water):
+    """Write all parameters for time step `h` (s) in `water` (or None)."""
+    rates = (0.0, 0.0, 0.0) if water is None else (0.0, water.factor * water.oblique_rate, water.factor * water.ring_rate)
+    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0])
+    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1])
+    rows = buffer.open_rods
+    ghosts = rows[R.JOINT_LENGTH] == 0
+    rows[R.JOINT_LENGTH, ghosts] = 1.0
+    apart = np.linalg.norm(np.diff(rows[R.X1 : R.X3 + 1], axis=1, append=1.0), axis=0)
+    ghosts = rows[R.LENGTH] == 0
+    rows[R.LENGTH, ghosts], rows[R.REST_RADIUS, ghosts] = apart[ghosts], 1e-3
+    rows[R.STRETCH] = buffer.rings[R.STRETCH] = 1.0
+    _fill_rings(buffer, arm, geometry.rings, h, rates[2])
+    _fill_connections(buffer, arm, geometry, h)
+
+
+def _damped(rate, h):
+    return np.exp(-rate * h), h * phi1(-rate * h)
+
+
+def _inertia(stiff, family, h):
+    length = family.length
+    bending = np.maximum(stiff.inertia, (stiff.shear * length + 4 * stiff.bend / length) * (INERTIA_FLOOR * h) ** 2)
+    twisting = np.maximum(2 * stiff.inertia, 4 * stiff.twist / length * (INERTIA_FLOOR * h) ** 2)
+    return bending, twisting
+
+
+def _fill_open(buffer, arm, family, view, h, rate):
+    stiff, length = stiffness(arm, family), family.length
+    bending, twisting = _inertia(stiff, family, h)
+    for row, values in (
+        (R.LENGTH, length),
+        (R.SHEAR, stiff.shear),
+        (R.REST_RADIUS, family.radius),
+        (R.AREA, family.area),
+        (R.BEND_INERTIA, bending),
+        (R.TWIST_INERTIA, twisting),
+    ):
+        view(row)[:] = values
+    both = length[:, 1:] + length[:, :-1]
+    view(R.JOINT_LENGTH)[:, 1:] = both / 2
+    for row, values in ((R.BEND, stiff.bend), (R.TWIST, stiff.twist)):
+        view(row)[:, 1:] = (values[:, 1:] * length[:, 1:] + values[:, :-1] * length[:, :-1]) / both
+    turn = rotation_vector(family.frames[:, 1:] @ np.swapaxes(family.frames[:, :-1], -1, -2))
+    for component in range(3):
+        view(R.REST1 + component)[:, 1:] = turn[..., component] / (both / 2)
+    decay, weight = _damped(np.full(family.node_mass.shape, rate), h)
+    decay[:, 0] = weight[:, 0] = 0.0
+    view(R.NODE_DECAY, True)[:], view(R.NODE_MOBILITY, True)[:] = decay, weight / family.node_mass
+    _set_spin(view, family, bending, twisting, rate, h, np.s_[:, 0])
+
+
+def _set_spin(view, family, bending, twisting, rate, h, held):
+    for inertia, decay_row, mobility_row in ((bending, R.BEND_DECAY, R.BEND_MOBILITY), (twisting, R.TWIST_DECAY, R.TWIST_MOBILITY)):
+        decay, weight = _damped(rate * family.element_mass * SPIN_ARM**2 / inertia, h)
+        decay[held] = weight[held] = 0.0
+        view(decay_row)[:], view(mobility_row)[:] = decay, weight / inertia
+
+
+def _fill_rings(buffer, arm, family, h, rate):
+    stiff, length = stiffness(arm, family), family.length
+    bending, twisting = _inertia(stiff, family, h)
+    joint = (length + np.roll(length, 1, axis=1)) / 2
+    _set_ring(buffer, R.LENGTH, length)
+    _set_ring(buffer, R.JOINT_LENGTH, joint)
+    _set_ring(buffer, R.REST_RADIUS, family.radius)
+    for row, values in (
+        (R.SHEAR, stiff.shear),
+        (R.AREA, family.area),
+        (R.BEND_INERTIA, bending),
+        (R.TWIST_INERTIA, twisting),
+        (R.BEND, stiff.bend),
+        (R.TWIST, stiff.twist),
+    ):
+        _set_ring(buffer, row, values, ghost=0.0)
+    turn = rotation_vector(family.frames @ np.swapaxes(np.roll(family.frames, 1, axis=1), -1, -2)) / joint[..., None]
+    for component in range(3):
+        _set_ring(buffer, R.REST1 + component, turn[..., component])
+    decay, weight = _damped(np.full(length.shape, rate), h)
+    decay[0] = weight[0] = 0.0
+    _set_ring(buffer, R.NODE_DECAY, decay, ghost=0.0)
+    _set_ring(buffer, R.NODE_MOBILITY, weight / family.node_mass, ghost=0.0)
+
+    _set_spin(buffer.ring, family, bending, twisting, rate, h, 0)
+
+
+def _fill_connections(buffer, arm, geometry, h):
+    sides, ring = straight_connections(arm, geometry), ring_connections(arm, geometry)
+    S, C = SpokeRow, CrossingRow
+    for letter, pairs in (("C", slice(0, 8)), ("N", slice(8, 16))):
+        for component in range(3):
+            buffer.spoke(S[f"{letter}U1{component + 1}"])[:] = sides.direction1[pairs, :, component]
+            buffer.spoke(S[f"{letter}U2{component + 1}"])[:] = sides.direction2[pairs, :, component]
+        buffer.spoke(S[f"{letter}_GAP"])[:] = sides.gap[pairs]
+        buffer.spoke(S[f"{letter}_SPRING"])[:] = sides.spring[pairs]
+        buffer.spoke(S[f"{letter}_CONTACT"])[:] = sides.contact[pairs]
+    ring_mass = geometry.rings.node_mass[:, 0]
+    muscle_mass = geometry.straight.element_mass[1]
+    buffer.spoke(S.R_SPRING)[:] = ring.muscle_spring
+    buffer.spoke(S.R_TORQUE)[:] = ring.muscle_torque
+    buffer.spoke(S.R_CONTACT)[:] = ring.muscle_contact
+    buffer.spoke(S.R_NEXT)[:, :-1] = ring.ring_spring
+    buffer.spoke(S.R_EFFECTIVE)[:] = 0.75 * h * h * ring.muscle_contact * (1 / ring_mass + 1 / muscle_mass)
+    helix_mass = geometry.oblique.node_mass[:, ::2]
+    buffer.crossing(C.SPRING)[:] = ring.oblique_spring
+    for row in (C.CONTACT, C.P_CONTACT, C.N_CONTACT):
+        buffer.crossing(row)[:] = ring.oblique_contact
+    # The first ring's lower helix neighbour, and the last ring's upper one, do not exist.
+    buffer.crossing(C.N_CONTACT)[:4, 0] = buffer.crossing(C.P_CONTACT)[4:, 0] = 0.0
+    buffer.crossing(C.P_CONTACT)[:4, -1] = buffer.crossing(C.N_CONTACT)[4:, -1] = 0.0
+    buffer.crossing(C.EFFECTIVE)[:] = 0.75 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)

@@ -1,0 +1,209 @@
+"""The time loop of the assembly: one compiled call for many steps.
+
+A step is drift, forces, kick, implicit axial correction, drift; the two half drifts that meet between steps are merged inside a sample,
+as in `octoctrl.sim.stepping`. The guard looks at every element at the end of each sample and reports the family and place of the first
+bad one.
+"""
+
+import numpy as np
+
+from .assembly_crossing_kernels import crossing_kernels
+from .assembly_geometry import RING_NODES
+from .assembly_joint_kernels import gather_kernel, joint_kernels, scatter_kernels
+from .assembly_kernels import family_kernels, family_offsets, open_solver, ring_solver
+from .assembly_layout import OPEN_SLOTS
+from .compiler import kernel
+
+ONE = np.uint64(1)
+FINE, STRETCHED, NOT_A_NUMBER = 0, 1, 3
+"""What the guard found, numbered as in `octoctrl.sim.stepping`."""
+
+STRETCH_LIMITS = (0.2, 3.0)
+
+def assembly_stepper(lanes, count, inclination):
+    """Compile the loop of an assembly of `count` rings.
+
+    Parameters
+    ----------
+    lanes, count : int
+    inclination : float, rad
+        Of the longitudinal muscles.
+
+    Returns
+    -------
+    advance : compiled function
+        ``advance(buffer, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch)``
+        with levels (samples + 1, 8, N), (samples + 1, 2, 2 N - 1) and (samples + 1, N) linear in time between samples, fills the cord's
+        nodes, frames and stretch and returns ``(samples done, finding, family, index in row)``.
+    parts : dict of str to compiled function
+        Pieces of one step, for tests and timing; ``(buffer, ...)``.
+    """
+    o, g = family_offsets(lanes, False), family_offsets(lanes, True)
+    rods, rings = family_kernels(lanes, False), family_kernels(lanes, True)
+    drift, strain, bend, kick, spin, axial, correct = (rods[k] for k in ("drift", "strain", "bend", "kick", "spin", "axial", "correct"))
+    ring_drift, ring_strain, ring_bend, ring_kick, ring_spin, ring_axial, ring_correct = (
+        rings[k] for k in ("drift", "strain", "bend", "kick", "spin", "axial", "correct")
+    )
+    solve = open_solver(lanes)
+    ring_solve, close_state, close_strain, close_moment, close_speed = ring_solver(lanes, RING_NODES)
+    gather = gather_kernel(lanes)
+    cord, neighbours, ring_muscle, ring_ring = joint_kernels(lanes, inclination)
+    beside, scatter = scatter_kernels(lanes, count)
+    fetch, connect, give = crossing_kernels(lanes, count)
+    L, n = np.uint64(lanes), np.uint64(count)
+    long = np.uint64(2 * count - 1)
+    first, last = ONE, np.uint64(OPEN_SLOTS * lanes - 1)
+    ring_first, ring_last = L, np.uint64((RING_NODES + 1) * lanes)
+    RF1, RF2, RF3, HF1, HF2, HF3 = (table[f"F{i}"] for table in (g, o) for i in (1, 2, 3))
+    helix_first = np.uint64(9 * lanes)
+    BEFORE, AFTER, RING_BEFORE, RING_AFTER = (table[k] for table in (o, g) for k in ("LEVEL_BEFORE", "LEVEL_AFTER"))
+    X, Q = tuple(o[f"X{i}"] for i in (1, 2, 3)), tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    STRETCH, LENGTH, RING_STRETCH, RING_X = o["STRETCH"], o["LENGTH"], g["STRETCH"], g["X1"]
+
+    @kernel
+    def measure(b, share, h, laws):
+        close_state(b)
+        strain(b, first, helix_first, share, 0.25 * h, laws[0])
+        strain(b, helix_first, last, share, 0.25 * h, laws[1])
+        bend(b, first, last)
+        ring_strain(b, ring_first, ring_last, share, 0.25 * h, laws[2])
+        close_strain(b)
+        ring_bend(b, ring_first, ring_last)
+        close_moment(b)
+
+    @kernel
+    def spokes(b, drag):
+        gather(b)
+        cord(b)
+        neighbours(b)
+        ring_muscle(b)
+        ring_ring(b)
+        beside(b)
+        scatter(b, drag[0], drag[1])
+
+    @kernel
+    def crossings(b, ring_index, helix_index):
+        for k in range(ring_first, ring_last):
+            b[RF1 + k], b[RF2 + k], b[RF3 + k] = 0.0, 0.0, 0.0
+        for k in range(helix_first, last):
+            b[HF1 + k], b[HF2 + k], b[HF3 + k] = 0.0, 0.0, 0.0
+        fetch(b, ring_index, helix_index)
+        connect(b)
+        give(b, ring_index, helix_index)
+
+    @kernel
+    def push(b):
+        kick(b, first, last)
+        spin(b, first, last)
+        ring_kick(b, ring_first, ring_last)
+        ring_spin(b, ring_first, ring_last)
+
+    @kernel
+    def relax(b):
+        close_speed(b)
+        axial(b, first, last)
+        solve(b, n, 9, np.uint64(0), ONE)
+        solve(b, long, 8, np.uint64(9), np.uint64(2))
+        correct(b, first, last)
+        ring_axial(b, ring_first, ring_last)
+        ring_solve(b)
+        ring_correct(b, ring_first, ring_last)
+
+    @kernel
+    def move(b, h):
+        drift(b, first, last, h)
+        ring_drift(b, ring_first, ring_last, h)
+
+    @kernel
+    def set_levels(b, row, ring_row, longitudinal, oblique, transverse):
+        for m in range(8):
+            for e in range(count):
+                b[row + np.uint64(m + 1) * L + np.uint64(e + 1)] = longitudinal[m, e]
+        for j in range(8):
+            for e in range(2 * count - 1):
+                # Helices 0..3 are left-handed: the second family.
+                b[row + np.uint64(9 + 2 * j) * L + np.uint64(e + 1)] = oblique[1 if j < 4 else 0, e]
+        for node in range(1, RING_NODES + 1):
+            for i in range(count):
+                b[ring_row + np.uint64(node) * L + np.uint64(i + 1)] = transverse[i]
+
+    @kernel
+    def guard(b):
+        for k in range(first, last):
+            if not np.isfinite(b[X[0] + k] + b[X[1] + k] + b[X[2] + k]):
+                return NOT_A_NUMBER, 0, k
+        for rod in range(17):
+            start = np.uint64(rod) * L if rod < 9 else np.uint64(9 + 2 * (rod - 9)) * L
+            for k in range(start + ONE, start + ONE + (n if rod < 9 else long)):
+                if not STRETCH_LIMITS[0] < b[STRETCH + k] < STRETCH_LIMITS[1]:
+                    return STRETCHED, 0, k
+        for k in range(ring_first, ring_last):
+            if not np.isfinite(b[RING_X + k]):
+                return NOT_A_NUMBER, 1, k
+            if not STRETCH_LIMITS[0] < b[RING_STRETCH + k] < STRETCH_LIMITS[1]:
+                return STRETCHED, 1, k
+        return FINE, 0, ONE
+
+    @kernel
+    def record(b, points, frames, stretch):
+        for k in range(ONE, n + ONE + ONE):
+            for c in range(3):
+                points[k - ONE, c] = b[X[c] + k]
+        for k in range(ONE, n + ONE):
+            for c in range(9):
+                frames[k - ONE, c // 3, c % 3] = b[Q[c] + k]
+            total = 0.0
+            for c in range(3):
+                total += (b[X[c] + k + ONE] - b[X[c] + k]) ** 2
+            stretch[k - ONE] = np.sqrt(total) / b[LENGTH + k]
+
+    @kernel
+    def advance(b, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch):
+        for sample in range(points.shape[0]):
+            set_levels(b, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
+            set_levels(b, AFTER, RING_AFTER, longitudinal[sample + 1], oblique[sample + 1], transverse[sample + 1])
+            move(b, 0.5 * h)
+            for step in range(steps):
+                measure(b, (step + 0.5) / steps, h, laws)
+                crossings(b, ring_index, helix_index)
+                spokes(b, drag)
+                push(b)
+                relax(b)
+                move(b, h if step + 1 < steps else 0.5 * h)
+            finding, family, where = guard(b)
+            if finding != FINE:
+                return sample, finding, family, where
+            record(b, points[sample], frames[sample], stretch[sample])
+        return points.shape[0], FINE, 0, ONE
+
+    parts = {
+        "measure": measure,
+        "crossings": crossings,
+        "spokes": spokes,
+        "push": push,
+        "relax": relax,
+        "move": move,
+        "gather": gather,
+        "cord": cord,
+        "neighbours": neighbours,
+        "ring_muscle": ring_muscle,
+        "ring_ring": ring_ring,
+        "beside": beside,
+        "scatter": scatter,
+        "strain": strain,
+        "bend": bend,
+        "ring_strain": ring_strain,
+        "ring_bend": ring_bend,
+        "fetch": fetch,
+        "connect": connect,
+        "give": give,
+        "solve": solve,
+        "ring_solve": ring_solve,
+        "kick": kick,
+        "spin": spin,
+        "ring_kick": ring_kick,
+        "ring_spin": ring_spin,
+        "drift": drift,
+        "ring_drift": ring_drift,
+    }
+    return advance, parts
