@@ -21,6 +21,8 @@ from .scene import Scene
 
 DEFAULT_STEP = 4e-5
 LARGEST_STEP = 6e-5
+TONE_RAMP = 0.01
+"""Time (s) in which the tone of the nerve cord comes up."""
 
 
 @cache
@@ -39,6 +41,9 @@ class AssemblyPlant(Plant):
     scene : Scene
     dt : float or "auto", s
         Largest time step; ``"auto"`` is `DEFAULT_STEP`.
+    cord_tone : float
+        Activation of the nerve cord, which is passive by default; the source gives it the tone of the muscles around it. Within 2.5 % of
+        rest no passive stress resists, so that even a tone of 0.001 sets how much the whole arm shortens when it is twisted.
     sample_interval, record_every
         As in `Plant`.
 
@@ -48,12 +53,14 @@ class AssemblyPlant(Plant):
         If an argument is out of range or the arm's fibres do not fit the grid.
     """
 
-    def __init__(self, arm=None, scene=None, *, dt="auto", sample_interval=5e-3, record_every=2):
+    def __init__(self, arm=None, scene=None, *, dt="auto", cord_tone=0.0, sample_interval=5e-3, record_every=2):
         self.arm = Arm.octopus() if arm is None else arm
         self.scene = Scene() if scene is None else scene
         check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
         largest = DEFAULT_STEP if dt == "auto" else dt
         check_number("dt", largest, above=0.0, at_most=LARGEST_STEP, unit="s", advice="use dt='auto'")
+        check_number("cord_tone", cord_tone, at_least=0.0, at_most=1.0)
+        self.cord_tone = cord_tone
         self.sample_interval, self.record_every = sample_interval, record_every
         self.geometry = assembly_geometry(self.arm)
         self.elements = self.geometry.count
@@ -128,7 +135,10 @@ class AssemblyPlant(Plant):
     def _advance_samples(self, levels):
         n, samples, rods = self.elements, len(levels) - 1, self.rods
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        longitudinal = np.ascontiguousarray(levels[:, : len(LONGITUDINAL_GROUPS)])
+        longitudinal = np.empty((samples + 1, 9, n))
+        since = (self.samples + np.arange(samples + 1)) * self.sample_interval
+        longitudinal[:, 0] = self.cord_tone * np.minimum(since / TONE_RAMP, 1.0)[:, None]
+        longitudinal[:, 1:] = levels[:, : len(LONGITUDINAL_GROUPS)]
         transverse = np.ascontiguousarray(levels[:, MUSCLE_GROUPS.index("TM")])
         good = rods.state()
         step, _ = _compiled(rods.lanes, n, self.geometry.inclination)
@@ -188,9 +198,7 @@ class AssemblyPlant(Plant):
             for name, value in mine.items():
                 found = data[name] if name in data else "of another model"
                 if found != value:
-                    raise OctoctrlError(
-                        f"{path}: state has {name}={found}, this plant {name}={value}; make the plant as it was when saved"
-                    )
+                    raise OctoctrlError(f"{path}: state has {name}={found}, this plant {name}={value}; make the plant as it was when saved")
             self.rods.restore((data["open_rods"], data["rings"]))
             self.samples = int(data["samples"])
         return self.observe()

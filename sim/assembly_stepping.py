@@ -20,6 +20,7 @@ FINE, STRETCHED, NOT_A_NUMBER = 0, 1, 3
 
 STRETCH_LIMITS = (0.2, 3.0)
 
+
 def assembly_stepper(lanes, count, inclination):
     """Compile the loop of an assembly of `count` rings.
 
@@ -33,7 +34,7 @@ def assembly_stepper(lanes, count, inclination):
     -------
     advance : compiled function
         ``advance(buffer, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch)``
-        with levels (samples + 1, 8, N), (samples + 1, 2, 2 N - 1) and (samples + 1, N) linear in time between samples, fills the cord's
+        with levels (samples + 1, 9, N), the cord's first,, (samples + 1, 2, 2 N - 1) and (samples + 1, N) linear in time between samples, fills the cord's
         nodes, frames and stretch and returns ``(samples done, finding, family, index in row)``.
     parts : dict of str to compiled function
         Pieces of one step, for tests and timing; ``(buffer, ...)``.
@@ -116,9 +117,9 @@ def assembly_stepper(lanes, count, inclination):
 
     @kernel
     def set_levels(b, row, ring_row, longitudinal, oblique, transverse):
-        for m in range(8):
+        for m in range(9):
             for e in range(count):
-                b[row + np.uint64(m + 1) * L + np.uint64(e + 1)] = longitudinal[m, e]
+                b[row + np.uint64(m) * L + np.uint64(e + 1)] = longitudinal[m, e]
         for j in range(8):
             for e in range(2 * count - 1):
                 # Helices 0..3 are left-handed: the second family.

@@ -1,0 +1,120 @@
+"""Speed and accuracy of the assembly of 197 rods on the first 0.6 s of the published coil programme.
+
+Run with ``python benchmarks/assembly.py`` (about a minute), or with ``full`` for the whole programme of 7 s. Prints the time per step by
+part, seconds of processor time per simulated second at several steps, and length and twist against the converged run of an independent
+implementation of the same equations (4e-5 s: the shared specification, section 9). The authors' code needs about 2000 s on one core.
+"""
+
+import sys
+import time
+
+import numpy as np
+
+from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.arm import LONGITUDINAL_GROUPS
+from octoctrl.sim.assembly import AssemblyPlant, _compiled
+from octoctrl.sim.topology import twist, writhe
+
+AUTHORS = 2000.0
+INDEPENDENT = {
+    0.1: (196.333, -0.06366),
+    0.2: (194.337, -0.34444),
+    0.3: (194.370, -0.69523),
+    0.4: (194.020, -1.02835),
+    0.6: (193.265, -1.43478),
+}
+
+
+def programme(oblique=0.3):
+    """The published coil programme, with its oblique level free."""
+    oblique_end, straight_end = 0.2 * 357 / 360, 0.2 * 178 / 180
+    return Activation(
+        templates=(
+            Plateau(groups=(*LONGITUDINAL_GROUPS, "TM"), level=0.001, rise=0.01),
+            Plateau(groups=("R-OM",), level=oblique, offset=3.0, window=(0.0, oblique_end)),
+            Plateau(groups=("LM1", "LM2", "LM8"), level=0.3, onset=1.5, rise=4.0, window=(0.0, straight_end)),
+            Plateau(groups=("L-OM",), level=oblique, onset=4.1, rise=1.0, window=(0.0, oblique_end)),
+        )
+    )
+
+
+def shape(plant):
+    """Length (mm), twist and writhe (turns) now."""
+    seen = plant.observe()
+    length = np.linalg.norm(np.diff(seen.points, axis=0), axis=1).sum() * 1e3
+    return length, float(twist(seen.points, -seen.frames[1:-1, 1])), float(writhe(seen.points))
+
+
+def by_part(plant, repeats=60):
+    """Microseconds per step of each part, best of `repeats` calls on the present state."""
+    rods, h = plant.rods, plant.h
+    _, parts = _compiled(rods.lanes, plant.elements, plant.geometry.inclination)
+    u = np.uint64
+    lanes = rods.lanes
+    everything, rings = (u(1), u(25 * lanes - 1)), (u(lanes), u(41 * lanes))
+    calls = {
+        "strains and muscles, open rods": ("strain", (*everything, 0.5, 0.25 * h, plant._laws[0])),
+        "strains and muscles, rings": ("ring_strain", (*rings, 0.5, 0.25 * h, plant._laws[2])),
+        "bending, open rods": ("bend", everything),
+        "bending, rings": ("ring_bend", rings),
+        "side by side: copies": ("gather", ()),
+        "side by side: cord": ("cord", ()),
+        "side by side: neighbours": ("neighbours", ()),
+        "ring to muscle": ("ring_muscle", ()),
+        "ring to ring": ("ring_ring", ()),
+        "ring to muscle, 8 side nodes": ("beside", ()),
+        "spokes: sums, pressure, water": ("scatter", plant._drag),
+        "ring to oblique: copies": ("fetch", (rods.ring_index, rods.helix_index)),
+        "ring to oblique: forces": ("connect", ()),
+        "ring to oblique: sums": ("give", (rods.ring_index, rods.helix_index)),
+        "kick and spin": ("push", ()),
+        "axial solve, all": ("relax", ()),
+        "axial solve, rings only": ("ring_solve", ()),
+        "drift": ("move", (h,)),
+    }
+    state = rods.flat.copy()
+    times = {}
+    for label, (name, arguments) in calls.items():
+        best = np.inf
+        for _ in range(repeats):
+            rods.flat[:] = state
+            for _ in range(2):
+                begin = time.perf_counter()
+                parts[name](rods.flat, *arguments)
+                best = min(best, time.perf_counter() - begin)
+        times[label] = best * 1e6
+    rods.flat[:] = state
+    return times
+
+
+def main():
+    plant = AssemblyPlant(cord_tone=0.001)
+    activation = programme()
+    plant.advance(activation, 0.2)
+    print("microseconds per step by part")
+    for label, value in by_part(plant).items():
+        print(f"  {label:34s} {value:8.1f}")
+    for step in (4e-5, 2e-5):
+        plant = AssemblyPlant(dt=step, cord_tone=0.001)
+        print(f"\nstep {plant.h:.2g} s: t, length mm, twist, (independent), processor s per simulated s, times the authors' speed")
+        before = 0.0
+        for instant, reference in INDEPENDENT.items():
+            begin = time.process_time()
+            plant.advance(activation, round(instant - before, 6))
+            cost = (time.process_time() - begin) / (instant - before)
+            before = instant
+            length, turns, _ = shape(plant)
+            print(f"  {instant:.1f} {length:9.3f} {turns:9.5f}  {reference}  {cost:6.2f} {AUTHORS / cost:6.0f}", flush=True)
+    if "full" in sys.argv[1:]:
+        for oblique, tone in ((0.17, 0.001), (0.17, 0.0)):
+            plant = AssemblyPlant(cord_tone=tone)
+            begin = time.process_time()
+            print(f"\nwhole programme, oblique level {oblique}, tone of the cord {tone}: t, length mm, twist, writhe, volume ml")
+            while plant.time < 7.0 - 1e-9:
+                plant.advance(programme(oblique), 0.2)
+                print(f"  {plant.time:.1f}", *(f"{value:9.4f}" for value in (*shape(plant), plant.volume() * 1e6)), flush=True)
+            print(f"  {time.process_time() - begin:.1f} s for 7 simulated seconds")
+
+
+if __name__ == "__main__":
+    main()
