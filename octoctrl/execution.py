@@ -55,7 +55,8 @@ def execute(plan, *, feedback="tvlqr", plant=None, period=PERIOD, patience=None,
     from octoctrl.sim.plant import Plant
 
     plant = Plant(plan.arm, plan.scene) if plant is None else plant
-    if abs(plant.arm.length - plan.arm.length) > 1e-9:
+    # Muscles may be other than planned, which is what feedback is for; another outline is another arm.
+    if any(getattr(plant.arm, name) != getattr(plan.arm, name) for name in ("length", "base_radius", "taper")):
         plan.check_arm(plant.arm)
     run = _Run(plan, plant, _controller(plan, feedback, period), period, settle)
     run.patience = (PATIENCE if patience is None else patience) if feedback == "tvlqr" else 0.0
@@ -200,33 +201,18 @@ class _Run:
         self.patience = 0.0
         self.events, self.pieces = [], []
         self.instants, self.readings = [0.0], [0.0]
-        self.ends = {}
-        names = list(plan.phase_begins)
-        for name, following in zip(names, [*names[1:], None], strict=True):
-            self.ends[name] = plan.phase_begins[following] if following else plan.schedule.duration
+        self.ahead, self.waited = tuple(plan.phase_begins), 0.0
+        self.ends = dict(zip(self.ahead, [*list(plan.phase_begins.values())[1:], plan.schedule.duration], strict=True))
 
     def to_the_end(self, progress, checkpoint):
         begin, saved = perf_counter(), -np.inf
         plan, plant = self.plan, self.plant
         status, note = ExecutionStatus.FINISHED, ""
-        observation, clock, waited = plant.reset(), 0.0, 0.0
-        phases = list(self.ends)
-        progress.start("running the plant", plan.schedule.duration + self.settle)
+        observation, clock, end = plant.reset(), 0.0, plan.schedule.duration + self.settle
+        progress.start("running the plant", end)
         try:
-            while clock < plan.schedule.duration + self.settle - 1e-9:
-                step = self._period(clock)
-                hold = False
-                if phases and clock >= self.ends[phases[0]] - 1e-9:
-                    met = self._met(phases[0])
-                    allowance = self.patience * (self.ends[phases[0]] - plan.phase_begins[phases[0]])
-                    hold = not met and waited < allowance - 1e-9
-                    if not hold:
-                        self.events.append(
-                            Event(phase=phases.pop(0), planned=self._planned_end(len(self.events)), actual=plant.time, met=met)
-                        )
-                        waited = 0.0
-                if hold:
-                    step, waited = self.period, waited + self.period
+            while (hold := self._waits(clock)) or clock < end - 1e-9:
+                step = self.period if hold else self._period(clock)
                 reading = (clock, clock if hold else clock + step)
                 levels = self.controller.levels(observation, plant.time, reading, step)
                 piece = plant.advance(levels, step)
@@ -236,12 +222,10 @@ class _Run:
                 self.readings.append(clock)
                 if not piece.complete:
                     raise KeyboardInterrupt
-                progress.advance(clock, phases[0] if phases else "settling")
+                progress.advance(clock, self.ahead[0] if self.ahead else "settling")
                 if checkpoint is not None and perf_counter() - saved > 1.0:
                     checkpoint(self._result(ExecutionStatus.INTERRUPTED, "still running", perf_counter() - begin))
                     saved = perf_counter()
-            for phase in phases:
-                self.events.append(Event(phase=phase, planned=self._planned_end(len(self.events)), actual=plant.time, met=self._met(phase)))
         except KeyboardInterrupt:
             status, note = ExecutionStatus.INTERRUPTED, f"interrupted at t={plant.time:.2f} s"
         except PlantUnstableError as error:
@@ -252,14 +236,24 @@ class _Run:
             progress.stop()
         return self._result(status, note, perf_counter() - begin)
 
+    def _waits(self, clock):
+        """Whether the clock stands because the phase that should end now has not met its goals; a phase that ends leaves its event."""
+        if not self.ahead or clock < self.ends[self.ahead[0]] - 1e-9:
+            return False
+        name = self.ahead[0]
+        met = self._met(name)
+        if not met and self.waited < self.patience * (self.ends[name] - self.plan.phase_begins[name]) - 1e-9:
+            self.waited += self.period
+            return True
+        self.events.append(Event(phase=name, planned=float(self.ends[name]), actual=self.plant.time, met=met))
+        self.ahead, self.waited = self.ahead[1:], 0.0
+        return False
+
     def _period(self, clock):
         """To the next multiple of the period on the clock, or the end; whole samples."""
         sample = self.plant.sample_interval
         end = min((np.floor(clock / self.period + 1e-6) + 1) * self.period, self.plan.schedule.duration + self.settle)
         return max(round((end - clock) / sample), 1) * sample
-
-    def _planned_end(self, index):
-        return float(list(self.ends.values())[index])
 
     def _met(self, phase):
         """Whether the goals of a phase hold on the plant now."""
