@@ -142,12 +142,16 @@ class AssemblyPlant(Plant):
         transverse = np.ascontiguousarray(levels[:, MUSCLE_GROUPS.index("TM")])
         good = rods.state()
         step, _ = _compiled(rods.lanes, n, self.geometry.inclination)
-        done, finding, family, where = step(
+        arguments = (
             rods.flat, self.h, self.steps, longitudinal, self._oblique_levels, transverse, self._laws, self._drag,
             rods.ring_index, rods.helix_index, points, frames, stretch,
         )  # fmt: skip
+        done, finding, family, where = step(*arguments, False)
         first = self.samples
         if finding:
+            # Within a sample the damage spreads over the whole arm: run again and look after every step where it began.
+            rods.restore(good)
+            done, finding, family, where = step(*arguments, True)
             rods.restore(good)
             time = (first + done + 1) * self.sample_interval
             rod, element = self.place(family, int(where))

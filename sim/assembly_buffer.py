@@ -37,7 +37,8 @@ class AssemblyBuffer:
 
     Attributes
     ----------
-    lanes : int
+    lanes, count : int
+        Numbers per slot, rings.
     flat : (size,) float64
     open_rods, rings, spokes, crossings : (rows, stride) float64
         Views; rows are those of `AssemblyRow`, `SpokeRow` and `CrossingRow`.
@@ -46,6 +47,7 @@ class AssemblyBuffer:
     """
 
     lanes: int
+    count: int
     flat: np.ndarray
     open_rods: np.ndarray
     rings: np.ndarray
@@ -59,35 +61,36 @@ class AssemblyBuffer:
         return self.open_rods[:STATE_ROWS].copy(), self.rings[:STATE_ROWS].copy()
 
     def restore(self, state):
-        """Write back what `state` returned."""
+        """Write back what `state` returned, and clear what a diverged step may have left in the scratch."""
+        for rows in (self.open_rods, self.rings):
+            rows[R.STRETCH :] = 0.0
+            rows[R.STRETCH] = 1.0
+        self.spokes[: SpokeRow.CU11], self.spokes[SpokeRow.F1 :] = 0.0, 0.0
+        self.crossings[: CrossingRow.SPRING], self.crossings[CrossingRow.FA1 :] = 0.0, 0.0
         self.open_rods[:STATE_ROWS], self.rings[:STATE_ROWS] = state
 
     def straight(self, row, nodes=False):
         """View (9, n) of one `row` of the straight rods, n + 1 wide for `nodes`."""
-        count = self._count + int(nodes)
+        count = self.count + int(nodes)
         return self.open_rods[row, : 9 * self.lanes].reshape(9, self.lanes)[:, 1 : count + 1]
 
     def oblique(self, row, nodes=False):
         """View (8, n) of one `row` of the helices, n + 1 wide for `nodes`."""
-        count = 2 * self._count - 1 + int(nodes)
+        count = 2 * self.count - 1 + int(nodes)
         return self.open_rods[row, 9 * self.lanes : OPEN_SLOTS * self.lanes].reshape(8, 2 * self.lanes)[:, 1 : count + 1]
 
     def ring(self, row):
         """View (N, RING_NODES) of one `row` of the rings."""
         inner = self.rings[row, self.lanes : (RING_NODES + 1) * self.lanes].reshape(RING_NODES, self.lanes)
-        return inner[:, 1 : self._count + 1].T
+        return inner[:, 1 : self.count + 1].T
 
     def spoke(self, row):
         """View (8, N) of one `row` of the spokes."""
-        return self.spokes[row, 2 * self.lanes : 10 * self.lanes].reshape(8, self.lanes)[:, 1 : self._count + 1]
+        return self.spokes[row, 2 * self.lanes : 10 * self.lanes].reshape(8, self.lanes)[:, 1 : self.count + 1]
 
     def crossing(self, row):
         """View (8, N) of one `row` of the crossings."""
-        return self.crossings[row, : 8 * self.lanes].reshape(8, self.lanes)[:, 1 : self._count + 1]
-
-    @property
-    def _count(self):
-        return int((self.ring_index[2, : self.lanes] > 0).sum())
+        return self.crossings[row, : 8 * self.lanes].reshape(8, self.lanes)[:, 1 : self.count + 1]
 
 
 def new_assembly(geometry):
@@ -111,6 +114,7 @@ def new_assembly(geometry):
             helix_index[HELIX_PLACES.index(place), j, 1 : count + 1] = (9 + 2 * j) * lanes + 2 * (lane - 1) + 1 + away
     buffer = AssemblyBuffer(
         lanes=lanes,
+        count=count,
         flat=flat,
         open_rods=view(family_offsets(lanes, False)["X1"], R, OPEN_SLOTS),
         rings=view(family_offsets(lanes, True)["X1"], R, RING_SLOTS),
@@ -145,10 +149,10 @@ def set_rest(buffer, geometry):
 def _set_ring(buffer, row, values, ghost=None):
     """Write values (N, RING_NODES) into a row of the rings, with copies in the ghost lanes (or `ghost`) and the seam's slots."""
     padded = np.empty((RING_NODES + 2, buffer.lanes))
-    inside = np.broadcast_to(values, (buffer._count, RING_NODES)).T
-    padded[1:-1, 1 : buffer._count + 1] = inside
+    inside = np.broadcast_to(values, (buffer.count, RING_NODES)).T
+    padded[1:-1, 1 : buffer.count + 1] = inside
     padded[1:-1, 0] = inside[:, 0] if ghost is None else ghost
-    padded[1:-1, buffer._count + 1 :] = inside[:, -1:] if ghost is None else ghost
+    padded[1:-1, buffer.count + 1 :] = inside[:, -1:] if ghost is None else ghost
     padded[0], padded[-1] = padded[-2], padded[1]
     buffer.rings[row, : padded.size] = padded.ravel()
 

@@ -33,9 +33,10 @@ def assembly_stepper(lanes, count, inclination):
     Returns
     -------
     advance : compiled function
-        ``advance(buffer, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch)``
-        with levels (samples + 1, 9, N), the cord's first,, (samples + 1, 2, 2 N - 1) and (samples + 1, N) linear in time between samples, fills the cord's
-        nodes, frames and stretch and returns ``(samples done, finding, family, index in row)``.
+        ``advance(buffer, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch,
+        watch)`` with levels (samples + 1, 9, N), the cord's first, (samples + 1, 2, 2 N - 1) and (samples + 1, N), linear in time
+        between samples; `watch` asks for the guard at every step. Fills the cord's nodes, frames and stretch; returns
+        ``(samples done, finding, family, index in row)``.
     parts : dict of str to compiled function
         Pieces of one step, for tests and timing; ``(buffer, ...)``.
     """
@@ -159,7 +160,7 @@ def assembly_stepper(lanes, count, inclination):
             stretch[k - ONE] = np.sqrt(total) / b[LENGTH + k]
 
     @kernel
-    def advance(b, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch):
+    def advance(b, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch, watch):
         for sample in range(points.shape[0]):
             set_levels(b, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
             set_levels(b, AFTER, RING_AFTER, longitudinal[sample + 1], oblique[sample + 1], transverse[sample + 1])
@@ -171,6 +172,10 @@ def assembly_stepper(lanes, count, inclination):
                 push(b)
                 relax(b)
                 move(b, h if step + 1 < steps else 0.5 * h)
+                if watch:
+                    finding, family, where = guard(b)
+                    if finding != FINE:
+                        return sample, finding, family, where
             finding, family, where = guard(b)
             if finding != FINE:
                 return sample, finding, family, where

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from octoctrl.sim.arm import Arm
+from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.arm import LONGITUDINAL_GROUPS, Arm
+from octoctrl.sim.assembly import AssemblyPlant, _compiled
 from octoctrl.sim.assembly_geometry import assembly_geometry, ring_connections, stiffness, straight_connections
-from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.assembly_layout import STATE_ROWS, SpokeRow
+from octoctrl.sim.assembly_layout import AssemblyRow as R
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.topology import twist
 
 ARM = Arm.octopus()
 GEOMETRY = assembly_geometry(ARM)
@@ -49,8 +54,7 @@ PRINTED = {
     "ring element": (RINGS.length[[0, 179], 0] / MM, (1.726383, 0.230342)),
     "ring mass": (RINGS.element_mass.sum(axis=1)[[0, 179]] / GRAM, (0.0574797, 0.0076692)),
     "family masses": (
-        [STRAIGHT.element_mass[0].sum() / GRAM, STRAIGHT.element_mass[1:].sum() / GRAM, RINGS.element_mass.sum() / GRAM]
-        + [OBLIQUE.element_mass.sum() / GRAM],
+        [part.sum() / GRAM for part in (STRAIGHT.element_mass[0], STRAIGHT.element_mass[1:], RINGS.element_mass, OBLIQUE.element_mass)],
         (5.2652, 19.3463, 5.8634, 7.2505),
     ),
     "cord nodes": (STRAIGHT.node_mass[0, [0, 1, -1]] / GRAM, (0.0401571, 0.0799040, 2.78869e-4)),
@@ -103,3 +107,303 @@ def test_helices_meet_the_rings_at_their_nodes():
 def test_a_pitch_that_misses_the_ring_nodes_is_refused_with_the_nearest():
     with pytest.raises(OctoctrlError, match=r"nearest pitch is 0\.0222222 m"):
         assembly_geometry(Arm.octopus(oblique_pitch=0.0235))
+
+
+# Dynamics. One plant for all tests: connections are looked at in a bent, twisted and shaken state.
+
+
+def programme():
+    return Activation(
+        templates=(
+            Plateau(groups=(*LONGITUDINAL_GROUPS, "TM"), level=0.001, rise=0.01),
+            Plateau(groups=("R-OM",), level=0.3, offset=3.0, window=(0.0, 0.2 * 357 / 360)),
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    plant = AssemblyPlant()
+    generator = np.random.default_rng(5)
+    rods = plant.rods
+    for view, size in ((rods.straight, 2e-4), (rods.oblique, 2e-5), (rods.ring, 2e-5)):
+        for row in (R.X1, R.X2, R.X3):
+            nodes = view(row) if view == rods.ring else view(row, nodes=True)
+            nodes += size * generator.standard_normal(nodes.shape)
+        for row in (R.W1, R.W2, R.W3):
+            view(row)[:] = 2e3 * generator.standard_normal(view(row).shape)
+    _, parts = _compiled(rods.lanes, plant.elements, plant.geometry.inclination)
+    parts["move"](rods.flat, 2e-5)
+    for row in (R.W1, R.W2, R.W3):
+        for view in (rods.straight, rods.oblique, rods.ring):
+            view(row)[:] = 0.0
+    parts["measure"](rods.flat, 0.5, plant.h, plant._laws)
+    return plant, parts, rods.flat.copy()
+
+
+@pytest.fixture
+def state(shaken):
+    plant, parts, flat = shaken
+    plant.rods.flat[:] = flat
+    return plant.rods, parts
+
+
+def vectors(view, first):
+    return np.stack([view(first.__class__(first + i)) for i in range(3)], axis=-1).copy()
+
+
+def spokes(rods, name, suffix=""):
+    return np.stack([rods.spoke(SpokeRow[f"{name}{i}{suffix}"]) for i in (1, 2, 3)], axis=-1).copy()
+
+
+def test_directors_stay_orthonormal_when_turned(state):
+    rods, _ = state
+    for view in (rods.straight, rods.oblique, rods.ring):
+        frames = np.stack([view(R.Q11 + i) for i in range(9)], axis=-1).reshape(*view(R.Q11).shape, 3, 3)
+        np.testing.assert_allclose(frames @ np.swapaxes(frames, -1, -2), np.broadcast_to(np.eye(3), frames.shape), atol=1e-12)
+
+
+def elements(rods):
+    nodes = np.stack([rods.straight(R.X1 + i, nodes=True) for i in range(3)], axis=-1)
+    centre, edge = (nodes[:, 1:] + nodes[:, :-1]) / 2, np.diff(nodes, axis=1)
+    frames = np.stack([rods.straight(R.Q11 + i) for i in range(9)], axis=-1).reshape(9, -1, 3, 3)
+    return centre, edge, frames, rods.straight(R.RADIUS).copy(), rods.straight(R.STRETCH).copy()
+
+
+def side_by_side(rods, first, second, u, v, gap, spring, contact):
+    centre, _, frames, radius, stretch = elements(rods)
+    lab = [np.einsum("enji,enj->eni", frames[rod], direction) for rod, direction in ((first, u), (second, v))]
+    reach = [radius[rod] + gap / (2 * np.sqrt(stretch[rod])) for rod in (first, second)]
+    arm1, arm2 = (length[..., None] * direction for length, direction in zip(reach, lab, strict=True))
+    between = centre[second] - centre[first]
+    distance = np.linalg.norm(between, axis=-1)
+    pull = spring[..., None] * (between + arm2 - arm1)
+    overlap = np.maximum(reach[0] + reach[1] - distance, 0)
+    force = pull - (contact * overlap**1.5 / distance)[..., None] * between
+    touching = overlap > 0
+    return (
+        force,
+        np.cross(arm1, pull),
+        -np.cross(arm2, pull),
+        touching * np.sum(force * lab[0], -1),
+        -1.0 * touching * np.sum(force * lab[1], -1),
+    )
+
+
+def test_connections_side_by_side_follow_their_law_and_conserve_momentum(state):
+    rods, parts = state
+    parts["gather"](rods.flat)
+    sides = straight_connections(ARM, GEOMETRY)
+    centre = elements(rods)[0]
+    for part, pairs, of_first, of_second in (("cord", slice(0, 8), "_C", ""), ("neighbours", slice(8, 16), "", "_N")):
+        for row in SpokeRow:
+            if row >= SpokeRow.F1:
+                rods.spokes[row] = 0.0
+        parts[part](rods.flat)
+        first, second = sides.first[pairs], sides.second[pairs]
+        arguments = (values[pairs] for values in (sides.direction1, sides.direction2, sides.gap, sides.spring, sides.contact))
+        force, torque1, torque2, normal1, _ = side_by_side(rods, first, second, *arguments)
+        np.testing.assert_allclose(spokes(rods, "F", of_first), force, atol=1e-12)
+        np.testing.assert_allclose(spokes(rods, "T", of_first), torque1, atol=1e-15)
+        np.testing.assert_allclose(rods.spoke(SpokeRow[f"SUM{of_first}"]), normal1, atol=1e-12)
+        assert (normal1 != 0).any() and (normal1 == 0).any()
+        if of_second == "_N":
+            # Results on the neighbour stand one slot further; muscle 8's neighbour is muscle 1.
+            lanes = rods.lanes
+            rows = [rods.spokes[SpokeRow[f"{name}_N"], 3 * lanes : 11 * lanes].reshape(8, lanes)[:, 1:181] for name in ("F1", "F2", "F3")]
+            other = np.stack(rows, axis=-1)
+            rows = [rods.spokes[SpokeRow[f"{name}_N"], 3 * lanes : 11 * lanes].reshape(8, lanes)[:, 1:181] for name in ("T1", "T2", "T3")]
+            couple = np.stack(rows, axis=-1)
+        else:
+            other, couple = spokes(rods, "F"), spokes(rods, "T")
+        np.testing.assert_allclose(other, -force, atol=1e-12)
+        np.testing.assert_allclose(couple, torque2, atol=1e-15)
+        spin = np.cross(centre[first], force) + np.cross(centre[second], other) + torque1 + couple
+        np.testing.assert_allclose(spin, 0, atol=1e-14)
+
+
+def test_ring_and_muscle_follow_their_law_and_push_each_other_equally(state):
+    rods, parts = state
+    parts["gather"](rods.flat)
+    for row in SpokeRow:
+        if row >= SpokeRow.F1:
+            rods.spokes[row] = 0.0
+    parts["ring_muscle"](rods.flat)
+    centre, edge, _, radius, _ = elements(rods)
+    nodes = np.stack([rods.ring(R.X1 + i) for i in range(3)], axis=-1)
+    thick = rods.ring(R.RADIUS)
+    constants = ring_connections(ARM, GEOMETRY)
+    for m in range(8):
+        q = 5 * m
+        x = nodes[:, q]
+        outward = x - nodes[:, (q + 20) % 40]
+        outward /= np.linalg.norm(outward, axis=1)[:, None]
+        hinge = nodes[:, (q + 10) % 40] - nodes[:, q - 10]
+        hinge /= np.linalg.norm(hinge, axis=1)[:, None]
+        along = -np.cross(outward, hinge)
+        muscle, w = centre[m + 1], edge[m + 1]
+        reach = (thick[:, q] + radius[m + 1])[:, None]
+        spring = constants.muscle_spring[:, None] * (muscle - x + reach * outward)
+        distance = np.linalg.norm(muscle - x, axis=1)
+        overlap = np.maximum(reach[:, 0] - distance, 0)
+        effective = rods.spoke(SpokeRow.R_EFFECTIVE)[m] * np.sqrt(overlap)
+        push = constants.muscle_contact * overlap**1.5 / (1 + effective)
+        contact = (push / distance)[:, None] * (muscle - x)
+        np.testing.assert_allclose(spokes(rods, "F", "_R")[m], spring - contact, atol=1e-10)
+        np.testing.assert_allclose(spokes(rods, "F")[m], contact - spring, atol=1e-10)
+        lean = GEOMETRY.inclination
+        length = np.linalg.norm(w, axis=1)[:, None]
+        place = x - outward * reach + length / 2 * (np.cos(lean) * along - np.sin(lean) * outward)
+        aim = place - (muscle + w / 2) - np.sum(w * hinge, axis=1)[:, None] * hinge
+        torque = constants.muscle_torque[:, None] * np.cross(w / 2, aim)
+        np.testing.assert_allclose(spokes(rods, "T")[m], torque, atol=1e-14)
+        np.testing.assert_allclose(spokes(rods, "T", "_R")[m], -torque, atol=1e-14)
+        in_plane = spring - np.sum(spring * along, axis=1)[:, None] * along
+        flat = muscle - x - np.sum((muscle - x) * along, axis=1)[:, None] * along
+        pressing = np.linalg.norm(flat, axis=1) < reach[:, 0]
+        assert pressing.any() and not pressing.all()
+        total = -1.0 * pressing * np.sum(in_plane * outward, axis=1) - push
+        np.testing.assert_allclose(rods.spoke(SpokeRow.SUM)[m], total, atol=1e-10)
+        np.testing.assert_allclose(spokes(rods, "G")[m], contact - pressing[:, None] * in_plane, atol=1e-10)
+
+
+def test_neighbouring_rings_aim_at_each_other(state):
+    rods, parts = state
+    for name in ("gather", "ring_muscle", "ring_ring"):
+        parts[name](rods.flat)
+    centre, _, _, radius, _ = elements(rods)
+    nodes = np.stack([rods.ring(R.X1 + i) for i in range(3)], axis=-1)
+    thick = rods.ring(R.RADIUS)
+    for m, i in ((0, 3), (5, 100), (7, 178)):
+        q, j = 5 * m, i + 1
+        inward = nodes[i, (q + 20) % 40] - nodes[i, q]
+        inward /= np.linalg.norm(inward)
+        hinge = nodes[i, (q + 10) % 40] - nodes[i, q - 10]
+        along = np.cross(inward, hinge / np.linalg.norm(hinge))
+        step = centre[m + 1, j] - centre[m + 1, i]
+        sink = step @ inward + abs(radius[m + 1, i] - radius[m + 1, j]) + abs(thick[i, q] - thick[j, q])
+        target = nodes[i, q] + abs(step @ along) * along + sink * inward
+        force = ring_connections(ARM, GEOMETRY).ring_spring[i] * (target - nodes[j, q])
+        np.testing.assert_allclose(spokes(rods, "F", "_X")[m, i], force, atol=1e-12)
+    np.testing.assert_array_equal(spokes(rods, "F", "_X")[:, -1], 0.0)
+
+
+def test_rings_and_helices_follow_their_law(state):
+    rods, parts = state
+    parts["crossings"](rods.flat, rods.ring_index, rods.helix_index)
+    ring, helix = vectors(rods.ring, R.F1), np.stack([rods.oblique(R.F1 + i, nodes=True) for i in range(3)], axis=-1)
+    nodes, thick = np.stack([rods.ring(R.X1 + i) for i in range(3)], axis=-1), rods.ring(R.RADIUS)
+    helices = np.stack([rods.oblique(R.X1 + i, nodes=True) for i in range(3)], axis=-1)
+    fibre = rods.oblique(R.RADIUS)
+    constants = ring_connections(ARM, GEOMETRY)
+    mass_ring, mass_helix = RINGS.node_mass[:, 0], OBLIQUE.node_mass[0]
+    want_ring, want_helix = np.zeros_like(ring), np.zeros_like(helix)
+    pairs = 0
+    for j in range(8):
+        side = 1 if j < 4 else -1
+        for i in range(180):
+            q, h = GEOMETRY.oblique_nodes[j, i], 2 * i
+            outward = nodes[i, q] - nodes[i, (q + 20) % 40]
+            outward /= np.linalg.norm(outward)
+            force = constants.oblique_spring[i] * ((nodes[i, q] + thick[i, q] * outward) - (helices[j, h] - fibre[j, h] * outward))
+            want_helix[j, h] += force
+            want_ring[i, q] -= force
+            for dh, dq in ((0, 0), (side, 1), (side, 2), (-side, -1), (-side, -2)):
+                if not 0 <= h + dh <= 358:
+                    continue
+                pairs += 1
+                between = nodes[i, (q + dq) % 40] - helices[j, h + dh]
+                distance = np.linalg.norm(between)
+                overlap = max(thick[i, (q + dq) % 40] + fibre[j, h + dh] - distance, 0.0)
+                soft = 0.75 * 4e-5**2 * constants.oblique_contact[i] * (1 / mass_ring[i] + 1 / mass_helix[h])
+                push = constants.oblique_contact[i] * overlap**1.5 / (1 + soft * np.sqrt(overlap)) * between / distance
+                want_helix[j, h + dh] -= push
+                want_ring[i, (q + dq) % 40] += push
+    assert pairs == 7168
+    np.testing.assert_allclose(ring, want_ring, atol=1e-10)
+    np.testing.assert_allclose(helix, want_helix, atol=1e-10)
+
+
+def test_all_connections_together_conserve_momentum(state):
+    rods, parts = state
+    parts["crossings"](rods.flat, rods.ring_index, rods.helix_index)
+    parts["spokes"](rods.flat, (0.0, 0.0))
+    total = vectors(rods.ring, R.F1).sum(axis=(0, 1))
+    total += np.stack([rods.oblique(R.F1 + i, nodes=True).sum() + rods.straight(R.F1 + i, nodes=True).sum() for i in range(3)])
+    scale = np.abs(vectors(rods.ring, R.F1)).sum()
+    assert scale > 1.0 and np.abs(total).max() < 1e-12 * scale
+
+
+def test_axial_systems_are_solved(state):
+    rods, parts = state
+    generator = np.random.default_rng(1)
+    for view, solve, count in ((rods.straight, "solve", 180), (rods.ring, "ring_solve", 40)):
+        for row, low in ((R.SCALE, 3.0), (R.CORRECTION, -1.0), (R.IMPULSE, -1.0)):
+            view(row)[:] = low + generator.random(view(row).shape)
+        diagonal, off, right = (view(row).copy() for row in (R.SCALE, R.CORRECTION, R.IMPULSE))
+        arguments = () if solve == "ring_solve" else (np.uint64(180), 9, np.uint64(0), np.uint64(1))
+        parts[solve](rods.flat, *arguments)
+        for rod in (0, 7):
+            matrix = np.diag(diagonal[rod]) + np.diag(off[rod, :-1], 1) + np.diag(off[rod, :-1], -1)
+            if solve == "ring_solve":
+                matrix[0, -1] = matrix[-1, 0] = off[rod, -1]
+            np.testing.assert_allclose(view(R.IMPULSE)[rod], np.linalg.solve(matrix, right[rod]), rtol=1e-12, atol=1e-14)
+        assert count == view(R.IMPULSE).shape[1]
+
+
+def test_rest_is_rest():
+    plant = AssemblyPlant()
+    recording = plant.advance(Activation(), 0.02)
+    assert np.abs(recording.points[-1] - recording.points[0]).max() < 1e-9
+    assert np.isfinite(plant.rods.open_rods[:STATE_ROWS]).all() and np.isfinite(plant.rods.rings[:STATE_ROWS]).all()
+
+
+def test_motion_is_that_of_an_independent_implementation():
+    plant = AssemblyPlant(cord_tone=0.001)
+    volume = plant.volume()
+    recording = plant.advance(programme(), 0.1)
+    # Converged: 196.333 mm (of 200) and -0.06366 turns.
+    assert recording.length[-1] == pytest.approx(0.196333, abs=0.01 * (0.2 - 0.196333))
+    assert twist(recording.points[-1], -recording.frames[-1, 1:-1, 1]) == pytest.approx(-0.06366, rel=0.01)
+    assert plant.volume() == pytest.approx(volume, rel=0.1)
+    # No chatter: the grid-scale part of the cord's velocity is far below its scale.
+    velocity = np.stack([plant.rods.straight(R.V1 + i, nodes=True)[0] for i in range(3)])
+    assert np.abs(np.diff(velocity, 2, axis=1)).mean() < 1e-3 * np.abs(velocity).max()
+
+
+@pytest.mark.slow
+def test_stored_twist_is_that_of_an_independent_implementation():
+    plant = AssemblyPlant(cord_tone=0.001)
+    for instant, length, turns in ((0.2, 194.337, -0.34444), (0.4, 194.020, -1.02835), (0.6, 193.265, -1.43478)):
+        recording = plant.advance(programme(), round(instant - plant.time, 6))
+        assert recording.length[-1] * 1e3 == pytest.approx(length, abs=0.01 * (200 - length))
+        assert twist(recording.points[-1], -recording.frames[-1, 1:-1, 1]) == pytest.approx(turns, rel=0.01)
+
+
+def test_a_saved_state_continues_bit_by_bit(tmp_path):
+    plant, other = AssemblyPlant(), AssemblyPlant()
+    plant.advance(programme(), 0.01)
+    plant.save(tmp_path / "state.npz")
+    plant.advance(programme(), 0.01)
+    other.load(tmp_path / "state.npz")
+    other.advance(programme(), 0.01)
+    for mine, theirs in zip(plant.nodes(), other.nodes(), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    with pytest.raises(OctoctrlError, match="steps=125"):
+        AssemblyPlant(dt=2e-5).load(tmp_path / "state.npz")
+
+
+def test_guard_names_rod_and_element():
+    plant = AssemblyPlant()
+    plant.rods.oblique(R.V2, nodes=True)[6, 200] = 50.0
+    with pytest.raises(PlantUnstableError, match=r"element \d+ of (R-OM helix 3|ring \d+)") as caught:
+        plant.advance(Activation(), 0.01)
+    assert caught.value.recording.complete is False and np.isfinite(plant.observe().points).all()
+
+
+def test_places_have_names():
+    plant = AssemblyPlant()
+    lanes = plant.rods.lanes
+    assert plant.place(0, 1) == ("nerve cord", 0) and plant.place(0, 3 * lanes + 180) == ("LM3", 179)
+    assert plant.place(0, 9 * lanes + 1) == ("L-OM helix 1", 0) and plant.place(0, 24 * lanes + 8) == ("R-OM helix 4", lanes + 7)
+    assert plant.place(1, lanes + 1) == ("ring 0", 0) and plant.place(1, 40 * lanes + 180) == ("ring 179", 39)
