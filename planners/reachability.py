@@ -5,7 +5,8 @@ iterations to be told the same. The limits belong to the identified model and ar
 """
 
 WRITHE_MARGIN = 0.1
-"""A planar coil has no more writhe than turns; a coil that is not quite planar may have this much more, in turns."""
+"""Lifted writhe of a planar coil is its turns to the nearest whole number: the geodesic that closes the tangents takes or gives the rest.
+A coil that is not quite planar may have this much more."""
 
 
 def unreachable(task, reach):
@@ -30,8 +31,12 @@ def unreachable(task, reach):
                 return _sentence(phase, goals["twist"], f"{hand} stores at most {abs(reach.twist[hand]):.2f} turns of twist", reach)
         if "lifted_writhe" in goals:
             planar = "twist" in goals and abs(goals["twist"].value) <= goals["twist"].tolerance
-            limit = reach.turns + WRITHE_MARGIN if planar else reach.writhe
-            what = "a planar coil has at most" if planar else "bending and twisting together give at most"
+            limit = round(reach.turns) + WRITHE_MARGIN if planar else reach.writhe
+            what = (
+                f"a planar coil of the {reach.turns:.2f} turns that the arm can bend has at most"
+                if planar
+                else "bend and twist give at most"
+            )
             if least["lifted_writhe"] > limit:
                 return _sentence(phase, goals["lifted_writhe"], f"{what} {limit:.2f} turns of writhe", reach)
         if "length" in goals and not reach.length[0] <= goals["length"].value <= reach.length[1]:

@@ -147,6 +147,10 @@ def test_perturbed_guesses_lead_to_the_same_plan(count, coil, problem, identifie
 # What cannot be done, or not in time
 
 UNREACHABLE = {
+    "two and a half turns of writhe": (
+        {"cross": aims("twist", 0.0) + aims("lifted_writhe", -2.5, 0.15)},
+        ["the 2.42 turns that the arm can bend"],
+    ),
     "three turns of writhe": ({"cross": aims("twist", 0.0) + aims("lifted_writhe", -3.0, 0.15)}, ["cross", "lifted writhe -3", "at most"]),
     "three turns of twist": ({"telescope": aims("twist", 3.0)}, ["telescope", "twist 3", "L-OM stores at most"]),
     "half a metre": ({"telescope": aims("length", 0.5, 0.01)}, ["telescope", "length 0.5", "mm long at activation 0.75"]),
