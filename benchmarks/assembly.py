@@ -63,7 +63,7 @@ def by_part(plant, repeats=60):
         "ring to muscle": ("ring_muscle", ()),
         "ring to ring": ("ring_ring", ()),
         "ring to muscle, 8 side nodes": ("beside", ()),
-        "spokes: sums, pressure, water": ("scatter", plant._drag),
+        "spokes: sums, pressure, water": ("scatter", plant._drag[:2]),
         "ring to oblique: copies": ("fetch", (rods.ring_index, rods.helix_index)),
         "ring to oblique: forces": ("connect", ()),
         "ring to oblique: sums": ("give", (rods.ring_index, rods.helix_index)),

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
-from .assembly_buffer import fill_parameters, new_assembly, set_rest
+from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .assembly_geometry import RING_NODES, assembly_geometry
 from .assembly_layout import AssemblyRow
 from .errors import OctoctrlError, PlantUnstableError, check_number
@@ -21,15 +21,16 @@ from .scene import Scene
 
 DEFAULT_STEP = 4e-5
 LARGEST_STEP = 6e-5
+PUBLISHED_STEP = 1e-5
 TONE_RAMP = 0.01
 """Time (s) in which the tone of the nerve cord comes up."""
 
 
 @cache
-def _compiled(lanes, count, inclination):
+def _compiled(lanes, count, inclination, published=False):
     from .assembly_stepping import assembly_stepper
 
-    return assembly_stepper(lanes, count, inclination)
+    return assembly_stepper(lanes, count, inclination, published)
 
 
 class AssemblyPlant(Plant):
@@ -44,6 +45,9 @@ class AssemblyPlant(Plant):
     cord_tone : float
         Activation of the nerve cord, which is passive by default; the source gives it the tone of the muscles around it. Within 2.5 % of
         rest no passive stress resists, so that even a tone of 0.001 sets how much the whole arm shortens when it is twisted.
+    paper_compatible : bool
+        Integrate as published (Tekinalp et al. 2024): muscle force along d3, explicit force-velocity law, velocity filter, at 1e-5 s.
+        Only for comparison: the motion depends on the step and active oblique rods buckle in shear.
     sample_interval, record_every
         As in `Plant`.
 
@@ -53,14 +57,15 @@ class AssemblyPlant(Plant):
         If an argument is out of range or the arm's fibres do not fit the grid.
     """
 
-    def __init__(self, arm=None, scene=None, *, dt="auto", cord_tone=0.0, sample_interval=5e-3, record_every=2):
+    def __init__(self, arm=None, scene=None, *, dt="auto", cord_tone=0.0, paper_compatible=False, sample_interval=5e-3, record_every=2):
         self.arm = Arm.octopus() if arm is None else arm
         self.scene = Scene() if scene is None else scene
         check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
-        largest = DEFAULT_STEP if dt == "auto" else dt
+        usual = PUBLISHED_STEP if paper_compatible else DEFAULT_STEP
+        largest = usual if dt == "auto" else dt
         check_number("dt", largest, above=0.0, at_most=LARGEST_STEP, unit="s", advice="use dt='auto'")
         check_number("cord_tone", cord_tone, at_least=0.0, at_most=1.0)
-        self.cord_tone = cord_tone
+        self.cord_tone, self.paper_compatible = cord_tone, paper_compatible
         self.sample_interval, self.record_every = sample_interval, record_every
         self.geometry = assembly_geometry(self.arm)
         self.elements = self.geometry.count
@@ -72,12 +77,18 @@ class AssemblyPlant(Plant):
         self.rods = new_assembly(self.geometry)
         set_rest(self.rods, self.geometry)
         water = self.scene.water
-        fill_parameters(self.rods, self.arm, self.geometry, self.h, water)
+        fill_parameters(self.rods, self.arm, self.geometry, self.h, water, published=paper_compatible)
         drag = (0.0, 0.0) if water is None else (water.normal_coefficient, water.tangential_coefficient)
         density = 0.0 if water is None else water.density * water.factor
-        self._drag = (density * drag[0], density * drag[1])
+        rates = (0.0, 0.0) if water is None else (water.factor * water.oblique_rate, water.factor * water.ring_rate)
+        self._drag = (density * drag[0], density * drag[1], *rates)
         self._laws = self._law_constants()
         self.reset()
+
+    @property
+    def model(self):
+        """Name of the model with its numerics, as written into saved states."""
+        return "assembly, as published" if self.paper_compatible else "assembly"
 
     def _law_constants(self):
         from .muscle_kernels import law_constants
@@ -141,7 +152,9 @@ class AssemblyPlant(Plant):
         longitudinal[:, 1:] = levels[:, : len(LONGITUDINAL_GROUPS)]
         transverse = np.ascontiguousarray(levels[:, MUSCLE_GROUPS.index("TM")])
         good = rods.state()
-        step, _ = _compiled(rods.lanes, n, self.geometry.inclination)
+        step, _ = _compiled(rods.lanes, n, self.geometry.inclination, self.paper_compatible)
+        if self.paper_compatible:
+            set_filter_masks(rods)
         arguments = (
             rods.flat, self.h, self.steps, longitudinal, self._oblique_levels, transverse, self._laws, self._drag,
             rods.ring_index, rods.helix_index, points, frames, stretch,
@@ -151,6 +164,8 @@ class AssemblyPlant(Plant):
         if finding:
             # Within a sample the damage spreads over the whole arm: run again and look after every step where it began.
             rods.restore(good)
+            if self.paper_compatible:
+                set_filter_masks(rods)
             done, finding, family, where = step(*arguments, True)
             rods.restore(good)
             time = (first + done + 1) * self.sample_interval
@@ -186,7 +201,7 @@ class AssemblyPlant(Plant):
         if Path(path).suffix != ".npz":
             raise OctoctrlError(f"unknown format '{Path(path).suffix}'; use .npz")
         open_rods, rings = self.rods.state()
-        identity = {"model": "assembly", "arm": self.arm.fingerprint, "elements": self.elements, "steps": self.steps}
+        identity = {"model": self.model, "arm": self.arm.fingerprint, "elements": self.elements, "steps": self.steps}
         np.savez(path, open_rods=open_rods, rings=rings, samples=self.samples, **identity)
 
     def load(self, path):
@@ -197,7 +212,7 @@ class AssemblyPlant(Plant):
         OctoctrlError
             If it belongs to another arm, model, resolution or step.
         """
-        mine = {"model": "assembly", "arm": self.arm.fingerprint, "elements": self.elements, "steps": self.steps}
+        mine = {"model": self.model, "arm": self.arm.fingerprint, "elements": self.elements, "steps": self.steps}
         with np.load(path) as data:
             for name, value in mine.items():
                 found = data[name] if name in data else "of another model"

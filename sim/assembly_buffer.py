@@ -157,11 +157,23 @@ def _set_ring(buffer, row, values, ghost=None):
     buffer.rings[row, : padded.size] = padded.ravel()
 
 
-def fill_parameters(buffer, arm, geometry, h, water):
-    """Write all parameters for time step `h` (s) in `water` (or None)."""
-    rates = (0.0, 0.0, 0.0) if water is None else (0.0, water.factor * water.oblique_rate, water.factor * water.ring_rate)
-    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0])
-    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1])
+def set_filter_masks(buffer):
+    """Mark the inner nodes (row YIELD) and inner elements (row RATE) of the open rods for the published velocity filter."""
+    for view in (buffer.straight, buffer.oblique):
+        view(R.YIELD, True)[:] = view(R.RATE)[:] = 0.0
+        view(R.YIELD, True)[:, 1:-1] = 1.0
+        view(R.RATE)[:, 1:-1] = 1.0
+
+
+def fill_parameters(buffer, arm, geometry, h, water, published=False):
+    """Write all parameters for time step `h` (s) in `water` (or None).
+
+    The `published` numerics raise no inertia, soften no contact and take the linear drag elsewhere.
+    """
+    rates = (0.0, 0.0, 0.0) if water is None or published else (0.0, water.factor * water.oblique_rate, water.factor * water.ring_rate)
+    soften = 0.0 if published else h
+    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], soften)
+    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], soften)
     rows = buffer.open_rods
     ghosts = rows[R.JOINT_LENGTH] == 0
     rows[R.JOINT_LENGTH, ghosts] = 1.0
@@ -169,8 +181,8 @@ def fill_parameters(buffer, arm, geometry, h, water):
     ghosts = rows[R.LENGTH] == 0
     rows[R.LENGTH, ghosts], rows[R.REST_RADIUS, ghosts] = apart[ghosts], 1e-3
     rows[R.STRETCH] = buffer.rings[R.STRETCH] = 1.0
-    _fill_rings(buffer, arm, geometry.rings, h, rates[2])
-    _fill_connections(buffer, arm, geometry, h)
+    _fill_rings(buffer, arm, geometry.rings, h, rates[2], soften)
+    _fill_connections(buffer, arm, geometry, soften)
 
 
 def _damped(rate, h):
@@ -184,9 +196,9 @@ def _inertia(stiff, family, h):
     return bending, twisting
 
 
-def _fill_open(buffer, arm, family, view, h, rate):
+def _fill_open(buffer, arm, family, view, h, rate, floor):
     stiff, length = stiffness(arm, family), family.length
-    bending, twisting = _inertia(stiff, family, h)
+    bending, twisting = _inertia(stiff, family, floor)
     for row, values in (
         (R.LENGTH, length),
         (R.SHEAR, stiff.shear),
@@ -216,9 +228,9 @@ def _set_spin(view, family, bending, twisting, rate, h, held):
         view(decay_row)[:], view(mobility_row)[:] = decay, weight / inertia
 
 
-def _fill_rings(buffer, arm, family, h, rate):
+def _fill_rings(buffer, arm, family, h, rate, floor):
     stiff, length = stiffness(arm, family), family.length
-    bending, twisting = _inertia(stiff, family, h)
+    bending, twisting = _inertia(stiff, family, floor)
     joint = (length + np.roll(length, 1, axis=1)) / 2
     _set_ring(buffer, R.LENGTH, length)
     _set_ring(buffer, R.JOINT_LENGTH, joint)

@@ -12,6 +12,7 @@ from .assembly_geometry import RING_NODES
 from .assembly_joint_kernels import gather_kernel, joint_kernels, scatter_kernels
 from .assembly_kernels import family_kernels, family_offsets, open_solver, ring_solver
 from .assembly_layout import OPEN_SLOTS
+from .assembly_published_kernels import published_drag, published_strain, velocity_filters
 from .compiler import kernel
 
 ONE = np.uint64(1)
@@ -21,7 +22,7 @@ FINE, STRETCHED, NOT_A_NUMBER = 0, 1, 3
 STRETCH_LIMITS = (0.2, 3.0)
 
 
-def assembly_stepper(lanes, count, inclination):
+def assembly_stepper(lanes, count, inclination, published=False):
     """Compile the loop of an assembly of `count` rings.
 
     Parameters
@@ -29,6 +30,8 @@ def assembly_stepper(lanes, count, inclination):
     lanes, count : int
     inclination : float, rad
         Of the longitudinal muscles.
+    published : bool
+        Whether to take the published numerics, see `octoctrl.sim.assembly_published_kernels`.
 
     Returns
     -------
@@ -46,6 +49,9 @@ def assembly_stepper(lanes, count, inclination):
     ring_drift, ring_strain, ring_bend, ring_kick, ring_spin, ring_axial, ring_correct = (
         rings[k] for k in ("drift", "strain", "bend", "kick", "spin", "axial", "correct")
     )
+    if published:
+        strain, ring_strain = published_strain(lanes, False), published_strain(lanes, True)
+    smooth, brake = velocity_filters(lanes), published_drag(lanes)
     solve = open_solver(lanes)
     ring_solve, close_state, close_strain, close_moment, close_speed = ring_solver(lanes, RING_NODES)
     gather = gather_kernel(lanes)
@@ -168,9 +174,16 @@ def assembly_stepper(lanes, count, inclination):
             for step in range(steps):
                 measure(b, (step + 0.5) / steps, h, laws)
                 crossings(b, ring_index, helix_index)
+                if published:
+                    # Straight rods have none of it, and the spokes use their scratch.
+                    close_speed(b)
+                    brake(b, drag[2], drag[3])
                 spokes(b, drag)
                 push(b)
-                relax(b)
+                if published:
+                    smooth(b, first, last)
+                else:
+                    relax(b)
                 move(b, h if step + 1 < steps else 0.5 * h)
                 if watch:
                     finding, family, where = guard(b)

@@ -380,6 +380,15 @@ def test_stored_twist_is_that_of_an_independent_implementation():
         assert twist(recording.points[-1], -recording.frames[-1, 1:-1, 1]) == pytest.approx(turns, rel=0.01)
 
 
+@pytest.mark.slow
+def test_published_numerics_give_the_published_motion():
+    plant = AssemblyPlant(paper_compatible=True, cord_tone=0.001, sample_interval=2e-3)
+    for instant, length, turns in ((0.1, 194.85181, -0.10138), (0.2, 194.61658, -0.52262), (0.3, 195.1019, -0.8943)):
+        recording = plant.advance(programme(), round(instant - plant.time, 6))
+        assert recording.length[-1] * 1e3 == pytest.approx(length, abs=0.1)
+        assert twist(recording.points[-1], -recording.frames[-1, 1:-1, 1]) == pytest.approx(turns, abs=0.02)
+
+
 def test_a_saved_state_continues_bit_by_bit(tmp_path):
     plant, other = AssemblyPlant(), AssemblyPlant()
     plant.advance(programme(), 0.01)
