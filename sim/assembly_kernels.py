@@ -337,3 +337,39 @@ def ring_solver(lanes, nodes):
                 b[row + seam + width + i] = b[row + width + i]
 
     return solve, close_state, close_strain, close_moment, close_speed
+
+
+def ring_spin_brake(lanes, nodes):
+    """Compile ``brake(buffer, share)``: take away a share of each ring element's spin relative to the mean spin of its ring.
+
+    The orientation lock of ring and muscle turns ring elements with a couple that does not know their frame, which feeds a flutter of
+    single elements. Damping against the ring's own mean, not the laboratory, leaves the twisting of the arm as it is.
+    """
+    o = family_offsets(lanes, True)
+    Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    W1, W2, W3, MEAN1, MEAN2, MEAN3 = (o[k] for k in ("W1", "W2", "W3", "SCALE", "IMPULSE", "CORRECTION"))
+    width, last = np.uint64(lanes), np.uint64(nodes + 1)
+
+    @kernel
+    def brake(b, share):
+        for i in range(width):
+            b[MEAN1 + i], b[MEAN2 + i], b[MEAN3 + i] = 0.0, 0.0, 0.0
+        part = 1 / nodes
+        for node in range(ONE, last):
+            base = node * width
+            for i in range(width):
+                k = base + i
+                w1, w2, w3 = part * b[W1 + k], part * b[W2 + k], part * b[W3 + k]
+                b[MEAN1 + i] += b[Q11 + k] * w1 + b[Q21 + k] * w2 + b[Q31 + k] * w3
+                b[MEAN2 + i] += b[Q12 + k] * w1 + b[Q22 + k] * w2 + b[Q32 + k] * w3
+                b[MEAN3 + i] += b[Q13 + k] * w1 + b[Q23 + k] * w2 + b[Q33 + k] * w3
+        for node in range(ONE, last):
+            base = node * width
+            for i in range(width):
+                k = base + i
+                m1, m2, m3 = b[MEAN1 + i], b[MEAN2 + i], b[MEAN3 + i]
+                b[W1 + k] -= share * (b[W1 + k] - b[Q11 + k] * m1 - b[Q12 + k] * m2 - b[Q13 + k] * m3)
+                b[W2 + k] -= share * (b[W2 + k] - b[Q21 + k] * m1 - b[Q22 + k] * m2 - b[Q23 + k] * m3)
+                b[W3 + k] -= share * (b[W3 + k] - b[Q31 + k] * m1 - b[Q32 + k] * m2 - b[Q33 + k] * m3)
+
+    return brake

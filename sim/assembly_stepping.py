@@ -10,7 +10,7 @@ import numpy as np
 from .assembly_crossing_kernels import crossing_kernels
 from .assembly_geometry import RING_NODES
 from .assembly_joint_kernels import gather_kernel, joint_kernels, scatter_kernels
-from .assembly_kernels import family_kernels, family_offsets, open_solver, ring_solver
+from .assembly_kernels import family_kernels, family_offsets, open_solver, ring_solver, ring_spin_brake
 from .assembly_layout import OPEN_SLOTS
 from .assembly_published_kernels import published_drag, published_strain, velocity_filters
 from .compiler import kernel
@@ -18,6 +18,9 @@ from .compiler import kernel
 ONE = np.uint64(1)
 FINE, STRETCHED, NOT_A_NUMBER = 0, 1, 3
 """What the guard found, numbered as in `octoctrl.sim.stepping`."""
+
+RING_SPIN_RATE = 2500.0
+"""Rate (1/s) at which ring elements lose their spin relative to their ring: about a tenth of critical in their shear rotation."""
 
 STRETCH_LIMITS = (0.2, 3.0)
 
@@ -52,7 +55,7 @@ def assembly_stepper(lanes, count, inclination, published=False):
     if published:
         strain, ring_strain = published_strain(lanes, False), published_strain(lanes, True)
     smooth, brake = velocity_filters(lanes), published_drag(lanes)
-    solve = open_solver(lanes)
+    solve, steady = open_solver(lanes), ring_spin_brake(lanes, RING_NODES)
     ring_solve, close_state, close_strain, close_moment, close_speed = ring_solver(lanes, RING_NODES)
     gather = gather_kernel(lanes)
     cord, neighbours, ring_muscle, ring_ring = joint_kernels(lanes, inclination)
@@ -183,6 +186,7 @@ def assembly_stepper(lanes, count, inclination, published=False):
                 if published:
                     smooth(b, first, last)
                 else:
+                    steady(b, 1 - np.exp(-RING_SPIN_RATE * h))
                     relax(b)
                 move(b, h if step + 1 < steps else 0.5 * h)
                 if watch:
