@@ -404,7 +404,7 @@ def test_a_saved_state_continues_bit_by_bit(tmp_path):
 
 def test_guard_names_rod_and_element():
     plant = AssemblyPlant()
-    plant.rods.oblique(R.V2, nodes=True)[6, 200] = 50.0
+    plant.rods.oblique(R.V2, nodes=True)[6, 200] = 5000.0
     with pytest.raises(PlantUnstableError, match=r"element \d+ of (R-OM helix 3|ring \d+)") as caught:
         plant.advance(Activation(), 0.01)
     assert caught.value.recording.complete is False and np.isfinite(plant.observe().points).all()
