@@ -125,7 +125,7 @@ class Plant:
         ):
             rows[row, inside] = values
         # The implicit step treats spin alike in all directions, and so must inertia: with the true polar / 2 in bending the step is not
-        # symmetric and feeds a flutter of tight curls. The larger value moves the tip of the published coil by 0.1 % of L rms, 0.23 % at most.
+        # symmetric and feeds a flutter of tight curls. The larger value moves the tip of the published coil by 0.1 % of L (rms).
         rows[Row.INERTIA1, inside] = rows[Row.INERTIA2, inside] = rows[Row.INERTIA3, inside] = sum(section.polar_inertias) * length
         set_joints(rows, n, length, section.bending_stiffness, section.twist_stiffness, clamped=True)
         self.node_mass = node_masses(sum(section.masses) * length)
