@@ -71,8 +71,8 @@ class PhaseProblem:
                 upper.append(high)
                 start.append(getattr(made, number))
         self.lower, self.upper, self.start = np.array(lower), np.array(upper), np.array(start)
-        self.scale = np.array([LEVEL_SCALE if name.endswith("level") else TIME_SCALE for name in self.names])
-        self.scale[self.scale == TIME_SCALE] *= self.start[self.scale == TIME_SCALE]
+        levels = np.array([name.endswith("level") for name in self.names])
+        self.scale = np.where(levels, LEVEL_SCALE, TIME_SCALE * self.start)
         self._build()
         self.goals = _goals(task)
         self.band = GOAL_SHARE * np.array([goal.tolerance for _, goal in self.goals])

@@ -6,7 +6,6 @@ damping, rotary inertia of thin elements raised to what the step can carry, soft
 
 from functools import cache
 from math import ceil
-from pathlib import Path
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .assembly_geometry import RING_NODES, assembly_geometry
 from .assembly_layout import AssemblyRow
-from .errors import OctoctrlError, PlantUnstableError, check_number
+from .errors import PlantUnstableError, check_number
 from .plant import Observation, Plant
 from .rod import FINDINGS
 from .scene import Scene
@@ -190,34 +189,9 @@ class AssemblyPlant(Plant):
         helix, late = divmod(slot - 9, 2)
         return f"{'L' if helix < 4 else 'R'}-OM helix {helix % 4 + 1}", late * self.rods.lanes + lane - 1
 
-    def save(self, path):
-        """Write the state to an ``.npz`` file; `load` continues from it bit by bit.
-
-        Raises
-        ------
-        OctoctrlError
-            If the file's suffix is not ``.npz``.
-        """
-        if Path(path).suffix != ".npz":
-            raise OctoctrlError(f"unknown format '{Path(path).suffix}'; use .npz")
+    def _state(self):
         open_rods, rings = self.rods.state()
-        identity = {"model": self.model, "arm": self.arm.fingerprint, "elements": self.elements, "steps": self.steps}
-        np.savez(path, open_rods=open_rods, rings=rings, samples=self.samples, **identity)
+        return {"open_rods": open_rods, "rings": rings}
 
-    def load(self, path):
-        """Read a state written by `save`.
-
-        Raises
-        ------
-        OctoctrlError
-            If it belongs to another arm, model, resolution or step.
-        """
-        mine = {"model": self.model, "arm": self.arm.fingerprint, "elements": self.elements, "steps": self.steps}
-        with np.load(path) as data:
-            for name, value in mine.items():
-                found = data[name] if name in data else "of another model"
-                if found != value:
-                    raise OctoctrlError(f"{path}: state has {name}={found}, this plant {name}={value}; make the plant as it was when saved")
-            self.rods.restore((data["open_rods"], data["rings"]))
-            self.samples = int(data["samples"])
-        return self.observe()
+    def _restore(self, data):
+        self.rods.restore((data["open_rods"], data["rings"]))

@@ -12,7 +12,7 @@ from time import perf_counter
 import numpy as np
 
 from .activation import Activation
-from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, azimuth
+from .arm import LONGITUDINAL_GROUPS, Arm, azimuth
 from .errors import OctoctrlError, PlantUnstableError, check_choice, check_number
 from .recording import Recording
 from .rod import choose_step, node_masses, raise_unstable, set_damping, set_joints, set_state, step_limits
@@ -90,6 +90,7 @@ class Plant:
         self.arm = Arm.octopus() if arm is None else arm
         self.scene = Scene() if scene is None else scene
         check_choice("model", model, MODELS)
+        self.model = model
         check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
         self.sample_interval = sample_interval
         self.record_every = record_every
@@ -166,7 +167,6 @@ class Plant:
         points[:, 1] = self.edges
         set_state(self.rows, self.elements, points, np.broadcast_to(REST_FRAME, (self.elements, 3, 3)), REST_FRAME)
         self.samples = 0
-        self._last_levels = np.zeros((len(MUSCLE_GROUPS), self.elements))
         return self.observe()
 
     @property
@@ -306,8 +306,7 @@ class Plant:
         """
         if Path(path).suffix != ".npz":
             raise OctoctrlError(f"unknown format '{Path(path).suffix}'; use .npz")
-        state = self.rows[:STATE_ROWS, : self.elements + 2]
-        np.savez(path, state=state, samples=self.samples, arm=self.arm.fingerprint, elements=self.elements, steps=self.steps)
+        np.savez(path, **self._state(), **self._identity(), samples=self.samples)
 
     def load(self, path):
         """Read a state written by `save`.
@@ -315,17 +314,29 @@ class Plant:
         Raises
         ------
         OctoctrlError
-            If it belongs to another arm, resolution or step.
+            If it belongs to another model, arm, resolution or step.
         """
         with np.load(path) as data:
-            for name, mine in (("arm", self.arm.fingerprint), ("elements", self.elements), ("steps", self.steps)):
-                if data[name] != mine:
-                    raise OctoctrlError(
-                        f"{path}: state has {name}={data[name]}, this plant {name}={mine}; make the plant as it was when saved"
-                    )
-            self.rows[:STATE_ROWS, : self.elements + 2] = data["state"]
+            for name, mine in self._identity().items():
+                found = data[name] if name in data else "of another model"
+                if found != mine:
+                    raise OctoctrlError(f"{path}: state has {name}={found}, this plant {name}={mine}; make the plant as it was when saved")
+            self._restore(data)
             self.samples = int(data["samples"])
         return self.observe()
+
+    def _identity(self):
+        """What a saved state must share with the plant that goes on from it."""
+        arm = self.arm
+        return {"model": self.model, "arm": arm.fingerprint, "grading": arm.grading, "elements": self.elements, "steps": self.steps}
+
+    def _state(self):
+        """Arrays that hold the whole motion, by name."""
+        return {"state": self.rows[:STATE_ROWS, : self.elements + 2]}
+
+    def _restore(self, data):
+        """Take up the arrays of `_state`."""
+        self.rows[:STATE_ROWS, : self.elements + 2] = data["state"]
 
 
 def warmup(progress=None):
