@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from octoctrl.planners.task import Drive, Goal, Phase, Task
     from octoctrl.sim.activation import Activation, Plateau, Wave
     from octoctrl.sim.arm import Arm
+    from octoctrl.sim.batch import simulate_batch
     from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
     from octoctrl.sim.plant import Plant
     from octoctrl.sim.scene import Scene, Water
@@ -42,6 +43,7 @@ _HOMES = {
     "octoctrl.planners.task": ("Drive", "Goal", "Phase", "Task"),
     "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
     "octoctrl.sim.arm": ("Arm",),
+    "octoctrl.sim.batch": ("simulate_batch",),
     "octoctrl.sim.errors": ("OctoctrlError", "PlantUnstableError"),
     "octoctrl.sim.plant": ("Plant",),
     "octoctrl.sim.scene": ("Scene", "Water"),
@@ -87,6 +89,7 @@ __all__ = [
     "plan",
     "plot",
     "save",
+    "simulate_batch",
     "tasks",
     "verify",
 ]

@@ -14,7 +14,7 @@ from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, se
 from .assembly_geometry import RING_NODES, assembly_geometry
 from .assembly_layout import AssemblyRow
 from .errors import PlantUnstableError, check_number
-from .plant import Observation, Plant
+from .plant import BUILDING, Observation, Plant
 from .rod import FINDINGS
 from .scene import Scene
 
@@ -151,7 +151,8 @@ class AssemblyPlant(Plant):
         longitudinal[:, 1:] = levels[:, : len(LONGITUDINAL_GROUPS)]
         transverse = np.ascontiguousarray(levels[:, MUSCLE_GROUPS.index("TM")])
         good = rods.state()
-        step, _ = _compiled(rods.lanes, n, self.geometry.inclination, self.paper_compatible)
+        with BUILDING:
+            step, _ = _compiled(rods.lanes, n, self.geometry.inclination, self.paper_compatible)
         if self.paper_compatible:
             set_filter_masks(rods)
         arguments = (
@@ -173,7 +174,9 @@ class AssemblyPlant(Plant):
                 f"unstable at t={time:.3f} s: element {element} of {rod} {FINDINGS[finding]} (dt={self.h:.2g} s); "
                 "most likely a sudden activation - smooth it (ramp >= 20 ms) or halve dt",
                 time=time,
+                rod=rod,
                 element=element,
+                mechanism=FINDINGS[finding],
                 recording=self._piece(first, points[:done], frames[:done], stretch[:done], levels),
             )
         self.samples += samples

@@ -10,22 +10,28 @@ class OctoctrlError(ValueError):
 
 
 class PlantUnstableError(RuntimeError):
-    """The simulation diverged or a guard stopped it; carries time, element, mechanism and the last good state.
+    """The simulation diverged or a guard stopped it; carries time, rod, element, mechanism and the last good state.
 
     Attributes
     ----------
     time : float, s
         When the guard noticed.
+    rod : str
+        Which rod, ``"arm"`` if there is only one.
     element : int
         Element with the worst value.
+    mechanism : str
+        What is wrong with it, as a predicate: "is stretched beyond ...".
     recording : Recording or None
         What was recorded up to the last good state.
     """
 
-    def __init__(self, message, *, time, element, recording=None):
+    def __init__(self, message, *, time, element, mechanism, rod="arm", recording=None):
         super().__init__(message)
         self.time = time
+        self.rod = rod
         self.element = element
+        self.mechanism = mechanism
         self.recording = recording
 
 

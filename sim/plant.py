@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from math import ceil, cos, sin, tau
 from pathlib import Path
+from threading import Lock
 from time import perf_counter
 
 import numpy as np
@@ -26,6 +27,9 @@ REST_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 CHUNK = 50
 """Samples per compiled call: how often progress is shown and Ctrl-C is answered."""
+
+BUILDING = Lock()
+"""Held while compiled code is put together, so that plants in several threads share it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,7 +196,7 @@ class Plant:
         duration : float, s
             A multiple of `sample_interval`.
         progress : callable, optional
-            Called with the simulated seconds done after each chunk.
+            Called with the simulated seconds done, at the begin and after each chunk.
 
         Returns
         -------
@@ -213,6 +217,8 @@ class Plant:
         pieces = [self._now(self._levels(activation, 0)[0])]
         done, note = 0, ""
         try:
+            if progress is not None:
+                progress(0.0)
             while done < samples:
                 count = min(CHUNK, samples - done)
                 levels = self._levels(activation, count)
@@ -241,7 +247,8 @@ class Plant:
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         active = levels.any(axis=(0, 2))
         good = self.rows[:STATE_ROWS].copy()
-        step = _muscular_advance(stride_for(n))
+        with BUILDING:
+            step = _muscular_advance(stride_for(n))
         done, finding, element = step(
             self.buffer, np.uint64(n), self.h, self.steps, levels, active, self._directions, self._scalars, points, frames, stretch
         )

@@ -341,6 +341,7 @@ def raise_unstable(time, element, finding, dt, limits, recording=None):
         "most likely a sudden load or activation - smooth it (ramp >= 20 ms) or halve dt",
         time=time,
         element=element,
+        mechanism=FINDINGS[finding],
         recording=recording,
     )
 

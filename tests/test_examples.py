@@ -5,6 +5,7 @@ import runpy
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -79,6 +80,12 @@ def test_own_controller_reaches_the_lengths(printed):
     table = rows(printed("05_own_controller"), 3)
     assert [row[0] for row in table] == [180.0, 210.0, 200.0]
     assert all(abs(row[2]) < 2.0 and row[2] == pytest.approx(row[1] - row[0], abs=0.11) for row in table)
+
+
+def test_batch_bends_every_arm_further_at_a_higher_level(printed):
+    text = printed("07_batch")
+    angles = np.array(rows(text, 4))[:, 1:]
+    assert angles.shape == (2, 3) and np.all(np.diff(angles, axis=1) > 0) and "6 arms, 12 s of arm motion" in text
 
 
 def test_linear_model_lies_between_the_plants_two_directions(printed):

@@ -134,7 +134,7 @@ def test_divergence_tells_time_element_and_mechanism_and_keeps_the_good_part():
     with pytest.raises(PlantUnstableError, match=r"unstable at t=[\d.]+ s: element \d+ .*predicted limit .* s from ") as caught:
         plant.advance(activation(drive("LM1", level=1.0, rise=0.05)), 5.0)
     error = caught.value
-    assert 0 <= error.element < plant.elements
+    assert 0 <= error.element < plant.elements and error.rod == "arm" and error.mechanism in str(error)
     recording = error.recording
     assert not recording.complete and recording.time[0] == 0.0
     assert error.time - 2.5 * plant.record_every * plant.sample_interval <= recording.time[-1] < error.time
