@@ -88,14 +88,14 @@ def by_part(plant, repeats=60):
 
 
 def main():
-    plant = AssemblyPlant(cord_tone=0.001)
+    plant = AssemblyPlant()
     activation = programme()
     plant.advance(activation, 0.2)
     print("microseconds per step by part")
     for label, value in by_part(plant).items():
         print(f"  {label:34s} {value:8.1f}")
     for step in (4e-5, 2e-5):
-        plant = AssemblyPlant(dt=step, cord_tone=0.001)
+        plant = AssemblyPlant(dt=step)
         print(f"\nstep {plant.h:.2g} s: t, length mm, twist, (independent), processor s per simulated s, times the authors' speed")
         before = 0.0
         for instant, reference in INDEPENDENT.items():
@@ -106,14 +106,13 @@ def main():
             length, turns, _ = shape(plant)
             print(f"  {instant:.1f} {length:9.3f} {turns:9.5f}  {reference}  {cost:6.2f} {AUTHORS / cost:6.0f}", flush=True)
     if "full" in sys.argv[1:]:
-        for oblique, tone in ((0.17, 0.001), (0.17, 0.0)):
-            plant = AssemblyPlant(cord_tone=tone)
-            begin = time.process_time()
-            print(f"\nwhole programme, oblique level {oblique}, tone of the cord {tone}: t, length mm, twist, writhe, volume ml")
-            while plant.time < 7.0 - 1e-9:
-                plant.advance(programme(oblique), 0.2)
-                print(f"  {plant.time:.1f}", *(f"{value:9.4f}" for value in (*shape(plant), plant.volume() * 1e6)), flush=True)
-            print(f"  {time.process_time() - begin:.1f} s for 7 simulated seconds")
+        plant = AssemblyPlant()
+        begin = time.process_time()
+        print("\nwhole programme, oblique level 0.17: t, length mm, twist, writhe, volume ml")
+        while plant.time < 7.0 - 1e-9:
+            plant.advance(programme(0.17), 0.2)
+            print(f"  {plant.time:.1f}", *(f"{value:9.4f}" for value in (*shape(plant), plant.volume() * 1e6)), flush=True)
+        print(f"  {time.process_time() - begin:.1f} s for 7 simulated seconds")
 
 
 if __name__ == "__main__":

@@ -1,28 +1,30 @@
 """The full arm as a plant: 1 nerve cord, 8 longitudinal muscles, 8 oblique helices and all rings, connected and under pressure.
 
 Numerics: position Verlet at a fixed step, stretch from length, muscle force along the tangent, linearly implicit force-velocity law, exact
-damping, rotary inertia of thin elements raised to what the step can carry, softened contacts, no filter, passive nerve cord.
+damping, rotary inertia of thin elements raised to what the step can carry, softened contacts, no filter.
 """
 
 from functools import cache
-from math import ceil
+from math import ceil, tau
 
 import numpy as np
 
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
+from .assembly_diagnosis import cause
 from .assembly_geometry import RING_NODES, assembly_geometry
-from .assembly_layout import AssemblyRow
+from .assembly_layout import AssemblyRow, SpokeRow
 from .errors import PlantUnstableError, check_number
 from .plant import BUILDING, Observation, Plant
-from .rod import FINDINGS
+from .rod import FINDINGS as ROD_FINDINGS
 from .scene import Scene
 
 DEFAULT_STEP = 4e-5
 LARGEST_STEP = 6e-5
 PUBLISHED_STEP = 1e-5
+FINDINGS = ROD_FINDINGS | {4: "moves faster than 10 m/s"}
 TONE_RAMP = 0.01
-"""Time (s) in which the tone of the nerve cord comes up."""
+"""Time (s) in which the resting tone comes up."""
 
 
 @cache
@@ -41,9 +43,9 @@ class AssemblyPlant(Plant):
     scene : Scene
     dt : float or "auto", s
         Largest time step; ``"auto"`` is `DEFAULT_STEP`.
-    cord_tone : float
-        Activation of the nerve cord, which is passive by default; the source gives it the tone of the muscles around it. Within 2.5 % of
-        rest no passive stress resists, so that even a tone of 0.001 sets how much the whole arm shortens when it is twisted.
+    resting_tone : float
+        Smallest activation of the nerve cord, the longitudinal and the transverse muscles, as in the source. Within 2.5 % of rest no passive
+        stress resists, so that even 0.001 keeps the rings round and sets how much the arm shortens when it is twisted.
     paper_compatible : bool
         Integrate as published (Tekinalp et al. 2024): muscle force along d3, explicit force-velocity law, velocity filter, at 1e-5 s.
         Only for comparison: the motion depends on the step and active oblique rods buckle in shear.
@@ -56,18 +58,21 @@ class AssemblyPlant(Plant):
         If an argument is out of range or the arm's fibres do not fit the grid.
     """
 
-    def __init__(self, arm=None, scene=None, *, dt="auto", cord_tone=0.0, paper_compatible=False, sample_interval=5e-3, record_every=2):
+    def __init__(
+        self, arm=None, scene=None, *, dt="auto", resting_tone=0.001, paper_compatible=False, sample_interval=5e-3, record_every=2
+    ):
         self.arm = Arm.octopus() if arm is None else arm
         self.scene = Scene() if scene is None else scene
         check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
         usual = PUBLISHED_STEP if paper_compatible else DEFAULT_STEP
         largest = usual if dt == "auto" else dt
         check_number("dt", largest, above=0.0, at_most=LARGEST_STEP, unit="s", advice="use dt='auto'")
-        check_number("cord_tone", cord_tone, at_least=0.0, at_most=1.0)
-        self.cord_tone, self.paper_compatible = cord_tone, paper_compatible
+        check_number("resting_tone", resting_tone, at_least=0.0, at_most=1.0)
+        self.resting_tone, self.paper_compatible = resting_tone, paper_compatible
         self.sample_interval, self.record_every = sample_interval, record_every
         self.geometry = assembly_geometry(self.arm)
         self.elements = self.geometry.count
+        self._ring_radius = np.linalg.norm(self.geometry.rings.points[..., ::2], axis=2).mean(axis=1)
         self.edges = np.linspace(0.0, self.arm.length, self.elements + 1)
         self.stations = np.concatenate([[0.0], (self.edges[1:] + self.edges[:-1]) / 2, [self.arm.length]])
         self.limits = {"thin rings": LARGEST_STEP}
@@ -120,6 +125,17 @@ class AssemblyPlant(Plant):
         closed = np.concatenate([rings, rings[:, :1]], axis=1)
         return tuple(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1) for points in (straight, oblique, closed))
 
+    def pressure(self):
+        """Intramuscular pressure (9, N) in the nerve cord and the longitudinal muscles at the last step, Pa."""
+        lanes, inside = self.rods.lanes, np.s_[:, 1 : self.elements + 1]
+        total, *parts = (
+            self.rods.spokes[row, lanes : 10 * lanes].reshape(9, lanes)[inside]
+            for row in (SpokeRow.SUM, SpokeRow.G1, SpokeRow.G2, SpokeRow.G3)
+        )
+        stretch = self.rods.straight(AssemblyRow.STRETCH)
+        surface = tau * self.geometry.straight.radius * self.geometry.straight.length * np.sqrt(stretch)
+        return (np.abs(total) - np.linalg.norm(parts, axis=0)) / surface
+
     def volume(self):
         """Volume inside the rings' middle lines, from the first ring to the last, m^3: fans of tetrahedra between neighbouring rings."""
         _, _, rings = self.nodes()
@@ -147,9 +163,10 @@ class AssemblyPlant(Plant):
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         longitudinal = np.empty((samples + 1, 9, n))
         since = (self.samples + np.arange(samples + 1)) * self.sample_interval
-        longitudinal[:, 0] = self.cord_tone * np.minimum(since / TONE_RAMP, 1.0)[:, None]
-        longitudinal[:, 1:] = levels[:, : len(LONGITUDINAL_GROUPS)]
-        transverse = np.ascontiguousarray(levels[:, MUSCLE_GROUPS.index("TM")])
+        tone = self.resting_tone * np.minimum(since / TONE_RAMP, 1.0)
+        longitudinal[:, 0] = tone[:, None]
+        longitudinal[:, 1:] = np.maximum(levels[:, : len(LONGITUDINAL_GROUPS)], tone[:, None, None])
+        transverse = np.maximum(levels[:, MUSCLE_GROUPS.index("TM")], tone[:, None])
         good = rods.state()
         with BUILDING:
             step, _ = _compiled(rods.lanes, n, self.geometry.inclination, self.paper_compatible)
@@ -167,12 +184,13 @@ class AssemblyPlant(Plant):
             if self.paper_compatible:
                 set_filter_masks(rods)
             done, finding, family, where = step(*arguments, True)
+            straight, _, rings = self.nodes()
             rods.restore(good)
             time = (first + done + 1) * self.sample_interval
             rod, element = self.place(family, int(where))
             raise PlantUnstableError(
                 f"unstable at t={time:.3f} s: element {element} of {rod} {FINDINGS[finding]} (dt={self.h:.2g} s); "
-                "most likely a sudden activation - smooth it (ramp >= 20 ms) or halve dt",
+                + cause(straight, rings, self._ring_radius, self.geometry.straight.radius[0]),
                 time=time,
                 rod=rod,
                 element=element,
@@ -191,6 +209,9 @@ class AssemblyPlant(Plant):
             return ("nerve cord" if slot == 0 else f"LM{slot}"), lane - 1
         helix, late = divmod(slot - 9, 2)
         return f"{'L' if helix < 4 else 'R'}-OM helix {helix % 4 + 1}", late * self.rods.lanes + lane - 1
+
+    def _identity(self):
+        return super()._identity() | {"resting_tone": self.resting_tone}
 
     def _state(self):
         open_rods, rings = self.rods.state()

@@ -373,3 +373,30 @@ def ring_spin_brake(lanes, nodes):
                 b[W3 + k] -= share * (b[W3 + k] - b[Q31 + k] * m1 - b[Q32 + k] * m2 - b[Q33 + k] * m3)
 
     return brake
+
+
+def cord_brake(lanes, spokes):
+    """Compile ``brake(buffer, share, first, last)``: take away a share of each cord node's velocity relative to the muscles around it.
+
+    Impulses are equal and opposite, so momentum stays. The cord has no water around it and nothing else that dissipates, and the pressure,
+    which follows its axis, feeds a flutter of the buckled cord.
+    """
+    o = family_offsets(lanes, False)
+    MOBILITY, velocities = o["NODE_MOBILITY"], tuple(o[f"V{i}"] for i in (1, 2, 3))
+    width, stop = np.uint64(lanes), np.uint64((spokes + 1) * lanes)
+    part = 1 / spokes
+
+    @kernel
+    def brake(b, share, first, last):
+        for row in velocities:
+            for k in range(first, last):
+                mean = 0.0
+                for rod in range(width, stop, width):
+                    mean += b[row + rod + k]
+                impulse = share * (b[row + k] - part * mean) / (b[MOBILITY + k] + part * b[MOBILITY + width + k])
+                b[row + k] -= b[MOBILITY + k] * impulse
+                gain = part * b[MOBILITY + width + k] * impulse
+                for rod in range(width, stop, width):
+                    b[row + rod + k] += gain
+
+    return brake

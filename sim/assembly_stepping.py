@@ -8,21 +8,26 @@ bad one.
 import numpy as np
 
 from .assembly_crossing_kernels import crossing_kernels
-from .assembly_geometry import RING_NODES
+from .assembly_geometry import RING_NODES, SPOKES
 from .assembly_joint_kernels import gather_kernel, joint_kernels, scatter_kernels
-from .assembly_kernels import family_kernels, family_offsets, open_solver, ring_solver, ring_spin_brake
+from .assembly_kernels import cord_brake, family_kernels, family_offsets, open_solver, ring_solver, ring_spin_brake
 from .assembly_layout import OPEN_SLOTS
 from .assembly_published_kernels import published_drag, published_strain, velocity_filters
 from .compiler import kernel
 
 ONE = np.uint64(1)
-FINE, STRETCHED, NOT_A_NUMBER = 0, 1, 3
-"""What the guard found, numbered as in `octoctrl.sim.stepping`."""
+FINE, STRETCHED, NOT_A_NUMBER, FAST = 0, 1, 3, 4
+"""What the guard found, numbered as in `octoctrl.sim.stepping`, and speed."""
 
 RING_SPIN_RATE = 2500.0
 """Rate (1/s) at which ring elements lose their spin relative to their ring: about a tenth of critical in their shear rotation."""
 
+CORD_SLIP_RATE = 300.0
+"""Rate (1/s) at which the nerve cord loses its velocity relative to the muscles around it: about critical for their springs."""
+
 STRETCH_LIMITS = (0.2, 3.0)
+SPEED_LIMIT = 10.0
+"""Fastest velocity component (m/s) that can be meant: the strike of a squid, the fastest of its kind, reaches 3 m/s."""
 
 
 def assembly_stepper(lanes, count, inclination, published=False):
@@ -55,7 +60,7 @@ def assembly_stepper(lanes, count, inclination, published=False):
     if published:
         strain, ring_strain = published_strain(lanes, False), published_strain(lanes, True)
     smooth, brake = velocity_filters(lanes), published_drag(lanes)
-    solve, steady = open_solver(lanes), ring_spin_brake(lanes, RING_NODES)
+    solve, steady, hold = open_solver(lanes), ring_spin_brake(lanes, RING_NODES), cord_brake(lanes, SPOKES)
     ring_solve, close_state, close_strain, close_moment, close_speed = ring_solver(lanes, RING_NODES)
     gather = gather_kernel(lanes)
     cord, neighbours, ring_muscle, ring_ring = joint_kernels(lanes, inclination)
@@ -69,6 +74,7 @@ def assembly_stepper(lanes, count, inclination, published=False):
     helix_first = np.uint64(9 * lanes)
     BEFORE, AFTER, RING_BEFORE, RING_AFTER = (table[k] for table in (o, g) for k in ("LEVEL_BEFORE", "LEVEL_AFTER"))
     X, Q = tuple(o[f"X{i}"] for i in (1, 2, 3)), tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    V, RING_V = tuple(o[f"V{i}"] for i in (1, 2, 3)), tuple(g[f"V{i}"] for i in (1, 2, 3))
     STRETCH, LENGTH, RING_STRETCH, RING_X = o["STRETCH"], o["LENGTH"], g["STRETCH"], g["X1"]
 
     @kernel
@@ -140,6 +146,13 @@ def assembly_stepper(lanes, count, inclination, published=False):
 
     @kernel
     def guard(b):
+        # Speed first: in the step after an element runs away, the implicit solve has spread it over the whole rod.
+        for k in range(first, last):
+            if max(abs(b[V[0] + k]), abs(b[V[1] + k]), abs(b[V[2] + k])) > SPEED_LIMIT:
+                return FAST, 0, k
+        for k in range(ring_first, ring_last):
+            if max(abs(b[RING_V[0] + k]), abs(b[RING_V[1] + k]), abs(b[RING_V[2] + k])) > SPEED_LIMIT:
+                return FAST, 1, k
         for k in range(first, last):
             if not np.isfinite(b[X[0] + k] + b[X[1] + k] + b[X[2] + k]):
                 return NOT_A_NUMBER, 0, k
@@ -187,6 +200,7 @@ def assembly_stepper(lanes, count, inclination, published=False):
                     smooth(b, first, last)
                 else:
                     steady(b, 1 - np.exp(-RING_SPIN_RATE * h))
+                    hold(b, 1 - np.exp(-CORD_SLIP_RATE * h), ONE + ONE, n + ONE + ONE)
                     relax(b)
                 move(b, h if step + 1 < steps else 0.5 * h)
                 if watch:
@@ -226,6 +240,7 @@ def assembly_stepper(lanes, count, inclination, published=False):
         "spin": spin,
         "ring_kick": ring_kick,
         "ring_spin": ring_spin,
+        "cord_brake": hold,
         "drift": drift,
         "ring_drift": ring_drift,
     }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS, Arm
+from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.assembly import AssemblyPlant, _compiled
 from octoctrl.sim.assembly_geometry import assembly_geometry, ring_connections, stiffness, straight_connections
 from octoctrl.sim.assembly_layout import STATE_ROWS, SpokeRow
@@ -352,14 +352,14 @@ def test_axial_systems_are_solved(state):
 
 
 def test_rest_is_rest():
-    plant = AssemblyPlant()
+    plant = AssemblyPlant(resting_tone=0.0)
     recording = plant.advance(Activation(), 0.02)
     assert np.abs(recording.points[-1] - recording.points[0]).max() < 1e-9
     assert np.isfinite(plant.rods.open_rods[:STATE_ROWS]).all() and np.isfinite(plant.rods.rings[:STATE_ROWS]).all()
 
 
 def test_motion_is_that_of_an_independent_implementation():
-    plant = AssemblyPlant(cord_tone=0.001)
+    plant = AssemblyPlant()
     volume = plant.volume()
     recording = plant.advance(programme(), 0.1)
     # Converged: 196.333 mm (of 200) and -0.06366 turns.
@@ -373,7 +373,7 @@ def test_motion_is_that_of_an_independent_implementation():
 
 @pytest.mark.slow
 def test_stored_twist_is_that_of_an_independent_implementation():
-    plant = AssemblyPlant(cord_tone=0.001)
+    plant = AssemblyPlant()
     for instant, length, turns in ((0.2, 194.337, -0.34444), (0.4, 194.020, -1.02835), (0.6, 193.265, -1.43478)):
         recording = plant.advance(programme(), round(instant - plant.time, 6))
         assert recording.length[-1] * 1e3 == pytest.approx(length, abs=0.01 * (200 - length))
@@ -382,7 +382,7 @@ def test_stored_twist_is_that_of_an_independent_implementation():
 
 @pytest.mark.slow
 def test_published_numerics_give_the_published_motion():
-    plant = AssemblyPlant(paper_compatible=True, cord_tone=0.001, sample_interval=2e-3)
+    plant = AssemblyPlant(paper_compatible=True, sample_interval=2e-3)
     for instant, length, turns in ((0.1, 194.85181, -0.10138), (0.2, 194.61658, -0.52262), (0.3, 195.1019, -0.8943)):
         recording = plant.advance(programme(), round(instant - plant.time, 6))
         assert recording.length[-1] * 1e3 == pytest.approx(length, abs=0.1)
@@ -400,6 +400,33 @@ def test_a_saved_state_continues_bit_by_bit(tmp_path):
         np.testing.assert_array_equal(mine, theirs)
     with pytest.raises(OctoctrlError, match="steps=125"):
         AssemblyPlant(dt=2e-5).load(tmp_path / "state.npz")
+
+
+def test_cord_brake_moves_momentum_from_the_cord_to_its_muscles(state):
+    rods, parts = state
+    generator = np.random.default_rng(2)
+    speed = rods.straight(R.V1, nodes=True)
+    speed[:] = generator.normal(size=speed.shape)
+    speed[:, 0] = 0.0
+    before, mass = speed.copy(), GEOMETRY.straight.node_mass
+    parts["cord_brake"](rods.flat, 0.25, np.uint64(2), np.uint64(182))
+    np.testing.assert_allclose((mass * speed).sum(axis=0), (mass * before).sum(axis=0), atol=1e-15 * mass.max())
+    np.testing.assert_allclose((speed[0] - speed[1:].mean(axis=0))[1:], 0.75 * (before[0] - before[1:].mean(axis=0))[1:], rtol=1e-12)
+
+
+def test_a_crushed_arm_is_stopped_with_the_reason():
+    everything = Activation(templates=(Plateau(groups=MUSCLE_GROUPS, level=1.0, rise=0.005),))
+    with pytest.raises(PlantUnstableError, match=r"of ring \d+ moves .* ring \d+ is squeezed to \d+% of its radius") as caught:
+        AssemblyPlant().advance(everything, 0.4)
+    assert caught.value.time > 0.15 and np.isfinite(caught.value.recording.points).all()
+
+
+@pytest.mark.slow
+def test_full_longitudinal_activation_settles():
+    """Without dissipation between cord and muscles the cord, buckled under its contracted muscles, flutters until it diverges at 0.7 s."""
+    plant = AssemblyPlant()
+    plant.advance(Activation(templates=(Plateau(groups=LONGITUDINAL_GROUPS, level=1.0, rise=0.5),)), 1.2)
+    assert 0.16 < plant.observe().stretch.sum() * plant.geometry.spacing < 0.17
 
 
 def test_guard_names_rod_and_element():
