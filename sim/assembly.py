@@ -44,8 +44,8 @@ class AssemblyPlant(Plant):
     dt : float or "auto", s
         Largest time step; ``"auto"`` is `DEFAULT_STEP`.
     resting_tone : float
-        Smallest activation of the nerve cord, the longitudinal and the transverse muscles, as in the source. Within 2.5 % of rest no passive
-        stress resists, so that even 0.001 keeps the rings round and sets how much the arm shortens when it is twisted.
+        Smallest activation of the nerve cord, the longitudinal and the transverse muscles, as in the source. Within 2.5 % of rest no
+        passive stress resists, so that even 0.001 keeps the rings round and sets how much the arm shortens when it is twisted.
     paper_compatible : bool
         Integrate as published (Tekinalp et al. 2024): muscle force along d3, explicit force-velocity law, velocity filter, at 1e-5 s.
         Only for comparison: the motion depends on the step and active oblique rods buckle in shear.
