@@ -1,8 +1,9 @@
 """The one way in which a function becomes machine code.
 
-Every kernel is compiled by :func:`kernel`: cached on disk, without fast-math reassociation (results must not depend on how a loop
-was vectorised), with NumPy's division semantics (a zero denominator gives inf or nan, which the divergence guard sees, and
-never an exception from inside the time loop), and without Python's global lock, so that threads can simulate side by side.
+Every kernel is compiled by :func:`kernel`: cached on disk; without fast-math reassociation (results must not depend on how a loop was
+vectorised) but with fused multiply-add, one rounding instead of two in a fifth less time; with NumPy's division semantics (a zero
+denominator gives inf or nan, which the divergence guard sees, and never an exception from inside the time loop); and without Python's
+global lock, so that threads can simulate side by side.
 """
 
 import logging
@@ -34,7 +35,7 @@ def kernel(function=None, **options):
     """
     if function is None:
         return lambda inner: kernel(inner, **options)
-    settings = {"error_model": "numpy", "fastmath": False, "nogil": True} | options
+    settings = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True} | options
     try:
         return numba.njit(cache=True, **settings)(function)
     except RuntimeError as error:

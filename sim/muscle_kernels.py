@@ -97,28 +97,26 @@ def isometric_stress(law, s):
 def hill_secant(law, rate):
     """(f_v - 1) / rate >= 0 at a stretch rate, s: what the isometric stress is multiplied with to give a viscosity."""
     w = -rate * law.rate
-    shortening = (1.0 + law.concentric) / max(1.0 + law.concentric * w, (1.0 + law.concentric) * w)
-    lengthening = law.eccentric_gain / (1.0 - law.eccentric * w)
-    return law.rate * (shortening if w > 0.0 else lengthening)
+    above = 1.0 + law.concentric if w > 0.0 else law.eccentric_gain
+    below = max(1.0 + law.concentric * w, (1.0 + law.concentric) * w) if w > 0.0 else 1.0 - law.eccentric * w
+    return law.rate * above / below
 
 
-def fibre_kernels(stride, active):
-    """Compile the fibre loops for buffers of the given stride.
+def fibre_kernels(stride):
+    """Compile the active part of each kind of fibre for buffers of the given stride; `section_kernels` has the passive part.
 
     Parameters
     ----------
     stride : int
-    active : bool
-        False leaves the active law out: for groups that a scene never activates.
 
     Returns
     -------
     longitudinal, oblique, transverse : compiled functions
-        They add to TENSION, MOMENT1..3 and the STIFF rows, the first two with ``(buffer, n, ..., law, elastic)``; activation is read
-        from the LEVEL row, and `elastic` is the time (s) by which the elastic tangent is multiplied to join the viscosity.
+        They add to TENSION, MOMENT1..3 and the STIFF rows, each for one muscle group: ``(buffer, n, sine, cosine, law)``,
+        ``(buffer, n, winding, law)`` and ``(buffer, n, law)``. Activation is read from the LEVEL row.
     """
     o = offsets(stride)
-    LEVEL, STRETCH, RATE, RADIUS, TENSION = (o[k] for k in ("LEVEL", "STRETCH", "RATE", "RADIUS", "TENSION"))
+    LEVEL, STRETCH, RATE, RADIUS, SHRINK, TENSION = (o[k] for k in ("LEVEL", "STRETCH", "RATE", "RADIUS", "SHRINK", "TENSION"))
     MEAN1, MEAN2, MEAN3 = (o[f"MEAN{i}"] for i in (1, 2, 3))
     MEANRATE1, MEANRATE2, MEANRATE3 = (o[f"MEANRATE{i}"] for i in (1, 2, 3))
     MOMENT1, MOMENT2, MOMENT3 = (o[f"MOMENT{i}"] for i in (1, 2, 3))
@@ -127,70 +125,60 @@ def fibre_kernels(stride, active):
     OBLIQUE_AREA, OBLIQUE_REST = o["OBLIQUE_AREA"], o["OBLIQUE_REST"]
 
     @kernel
-    def pull(law, s, rate, level):
-        # Stress, and the viscosity that belongs to it (Pa s).
-        stress = passive_stress(law, s)
-        if active:
-            isometric = level * isometric_stress(law, s)
-            viscosity = isometric * hill_secant(law, rate)
-            return stress + isometric + viscosity * rate, viscosity
-        return stress, 0.0
-
-    @kernel
-    def longitudinal(b, n, sine, cosine, nu, law, elastic):
+    def longitudinal(b, n, sine, cosine, law):
         for k in range(ONE, n + ONE):
-            lam = b[RADIUS + k]
-            rho = b[OFFSET + k] * lam
+            rho = b[OFFSET + k] * b[RADIUS + k]
             r1, r2 = rho * sine, rho * cosine
-            e = b[STRETCH + k]
-            shrink = -nu / e
-            bend = b[MEAN1 + k] * r2 - b[MEAN2 + k] * r1
-            x, y = e + bend, b[MEAN3 + k] * rho
-            inverse = 1 / np.sqrt(x * x + y * y)
-            x, y = x * inverse, y * inverse
-            l0 = x * (1 + shrink * bend) + y * shrink * b[MEAN3 + k] * rho
-            l1, l2, l3 = x * r2, -x * r1, y * rho
-            rate = l0 * b[RATE + k] + l1 * b[MEANRATE1 + k] + l2 * b[MEANRATE2 + k] + l3 * b[MEANRATE3 + k]
-            stress, viscosity = pull(law, 1 / inverse, rate, b[LEVEL + k])
+            bend, y = b[MEAN1 + k] * r2 - b[MEAN2 + k] * r1, b[MEAN3 + k] * rho
+            x = b[STRETCH + k] + bend
+            square = x * x + y * y
+            inverse = 1 / np.sqrt(square)
+            x0 = x + b[SHRINK + k] * (x * bend + y * y)
+            rate = inverse * (x0 * b[RATE + k] + x * (b[MEANRATE1 + k] * r2 - b[MEANRATE2 + k] * r1) + y * rho * b[MEANRATE3 + k])
+            isometric = b[LEVEL + k] * isometric_stress(law, square * inverse)
+            viscosity = isometric * hill_secant(law, rate)
             area = b[LONGITUDINAL_AREA + k] * inverse
-            tension = area * stress
-            stiff = area * (viscosity + elastic * law.tangent)
-            b[TENSION + k] += tension * l0
-            b[MOMENT1 + k] += tension * l1
-            b[MOMENT2 + k] += tension * l2
-            b[MOMENT3 + k] += tension * l3
-            b[STIFF + k] += stiff * l0 * l0
-            b[STIFF_TURN + k] += stiff * (l1 * l1 + l2 * l2 + l3 * l3)
+            tension, stiff = area * (isometric + viscosity * rate) * inverse, area * viscosity
+            b[TENSION + k] += tension * x0
+            b[MOMENT1 + k] += tension * x * r2
+            b[MOMENT2 + k] -= tension * x * r1
+            b[MOMENT3 + k] += tension * y * rho
+            x0 *= inverse
+            b[STIFF + k] += stiff * x0 * x0
+            b[STIFF_TURN + k] += stiff * rho * rho
 
     @kernel
-    def oblique(b, n, winding, nu, law, elastic):
+    def oblique(b, n, winding, law):
         for k in range(ONE, n + ONE):
             rho = b[HELIX + k] * b[RADIUS + k]
-            e = b[STRETCH + k]
+            e, rest = b[STRETCH + k], b[OBLIQUE_REST + k]
             turn = rho * (winding + b[MEAN3 + k])
-            inverse = 1 / np.sqrt(e * e + turn * turn)
-            l0 = (e - turn * turn * nu / e) * inverse
+            square = e * e + turn * turn
+            inverse = 1 / np.sqrt(square)
+            l0 = (e + turn * turn * b[SHRINK + k]) * inverse
             l3 = turn * rho * inverse
-            unrest = 1 / b[OBLIQUE_REST + k]
+            unrest = 1 / rest
             rate = (l0 * b[RATE + k] + l3 * b[MEANRATE3 + k]) * unrest
-            stress, viscosity = pull(law, unrest / inverse, rate, b[LEVEL + k])
-            area = b[OBLIQUE_AREA + k] * inverse / unrest
-            tension = area * stress
-            stiff = area * unrest * (viscosity + elastic * law.tangent)
+            isometric = b[LEVEL + k] * isometric_stress(law, square * inverse * unrest)
+            viscosity = isometric * hill_secant(law, rate)
+            area = b[OBLIQUE_AREA + k] * inverse
+            tension, stiff = area * rest * (isometric + viscosity * rate), area * viscosity
             b[TENSION + k] += tension * l0
             b[MOMENT3 + k] += tension * l3
             b[STIFF + k] += stiff * l0 * l0
             b[STIFF_TURN + k] += stiff * l3 * l3
 
     @kernel
-    def transverse(b, n, nu, law, elastic):
+    def transverse(b, n, law):
         for k in range(ONE, n + ONE):
             lam = b[RADIUS + k]
-            slope = -nu * lam / b[STRETCH + k]
-            stress, viscosity = pull(law, lam, slope * b[RATE + k], b[LEVEL + k])
+            slope = lam * b[SHRINK + k]
+            rate = slope * b[RATE + k]
+            isometric = b[LEVEL + k] * isometric_stress(law, lam)
+            viscosity = isometric * hill_secant(law, rate)
             area = b[RING_AREA + k] / lam
-            b[TENSION + k] += area * stress * slope
-            b[STIFF + k] += area * (viscosity + elastic * law.tangent) * slope * slope
+            b[TENSION + k] += area * (isometric + viscosity * rate) * slope
+            b[STIFF + k] += area * viscosity * slope * slope
 
     return longitudinal, oblique, transverse
 
@@ -200,9 +188,11 @@ def section_kernels(stride):
 
     Returns
     -------
-    measure, apply, remember, brake, relax : compiled functions
-        `measure` gives section strains and starts the sums with the passive nerve cord; `apply` hands tension and moments to the rod;
-        `remember` keeps the old spins, `brake` prepares the two tridiagonal systems, `relax` solves them and corrects the velocities.
+    measure, straight, wound, apply, remember, brake, relax : compiled functions
+        `measure` gives section strains; `straight` starts the sums with the passive stress of nerve cord and longitudinal fibres, `wound`
+        adds that of oblique fibres and rings; `apply` hands tension and moments to the rod; `remember` keeps the old spins, `brake`
+        prepares the two tridiagonal systems, `relax` solves them and corrects the velocities. `elastic` is the time (s) by which the
+        elastic tangent is multiplied to join the viscosity.
     """
     o = offsets(stride)
     T1, T2, T3, N1, N2, N3, V1, V2, V3, W1, W2, W3 = (o[f"{field}{i}"] for field in "TNVW" for i in (1, 2, 3))
@@ -214,15 +204,31 @@ def section_kernels(stride):
     MEANRATE1, MEANRATE2, MEANRATE3 = (o[f"MEANRATE{i}"] for i in (1, 2, 3))
     MOMENT1, MOMENT2, MOMENT3 = (o[f"MOMENT{i}"] for i in (1, 2, 3))
     STIFF, STIFF_TURN = o["STIFF"], o["STIFF_TURN"]
-    STRETCH, RATE, RADIUS, TENSION, LENGTH, JOINT_LENGTH = (
-        o[k] for k in ("STRETCH", "RATE", "RADIUS", "TENSION", "LENGTH", "JOINT_LENGTH")
-    )
+    STRETCH, RATE, RADIUS, SHRINK, TENSION = (o[k] for k in ("STRETCH", "RATE", "RADIUS", "SHRINK", "TENSION"))
+    LENGTH, JOINT_LENGTH, INVERSE_JOINT = (o[k] for k in ("LENGTH", "JOINT_LENGTH", "INVERSE_JOINT"))
+    OFFSET, HELIX, LONGITUDINAL_AREA, RING_AREA = (o[k] for k in ("OFFSET", "HELIX", "LONGITUDINAL_AREA", "RING_AREA"))
+    OBLIQUE_AREA, OBLIQUE_REST = o["OBLIQUE_AREA"], o["OBLIQUE_REST"]
     CORD_AREA, NODE_MOBILITY, MOBILITY1 = o["CORD_AREA"], o["NODE_MOBILITY"], o["MOBILITY1"]
     DIAGONAL, DIAGONAL_TURN, COUPLING = o["DIAGONAL"], o["DIAGONAL_TURN"], o["COUPLING"]
     IMPULSE, IMPULSE1, IMPULSE2, IMPULSE3 = (o[k] for k in ("IMPULSE", "IMPULSE1", "IMPULSE2", "IMPULSE3"))
 
     @kernel
-    def measure(b, n, nu, law, elastic):
+    def pair(e, y, bend, shrink, law):
+        # Two longitudinal fibres on opposite sides: tension over length per area and its product with x, and the squares of dl/de.
+        x = e + bend
+        square = x * x + y * y
+        inverse = 1 / np.sqrt(square)
+        x0 = (x + shrink * (x * bend + y * y)) * inverse
+        pull, stiff = passive_stress(law, square * inverse) * inverse * inverse, x0 * x0 * inverse
+        u = e - bend
+        square = u * u + y * y
+        other = 1 / np.sqrt(square)
+        x0 = (u + shrink * (y * y - u * bend)) * other
+        push = passive_stress(law, square * other) * other * other
+        return pull + push, pull * x + push * u, pull * x - push * u, inverse + other, stiff + x0 * x0 * other
+
+    @kernel
+    def measure(b, n, nu):
         # The tip's joint has no curvature of its own: the last element takes that of its inner end.
         q = n + ONE
         b[K1 + q], b[K2 + q], b[K3 + q] = b[K1 + n], b[K2 + n], b[K3 + n]
@@ -238,16 +244,62 @@ def section_kernels(stride):
             # e^-nu from the series of log e in (e - 1)/(e + 1) and of exp: 1e-8 between stretches of 0.5 and 2, without a library call.
             z = (e - 1) / (e + 1)
             y = z * z
-            log = 2 * z * (1 + y * (1 / 3 + y * (1 / 5 + y * (1 / 7 + y * (1 / 9 + y * (1 / 11 + y / 13))))))
+            log = 2 * z * (1 + y * (1 / 3 + y * (1 / 5 + y * (1 / 7 + y * (1 / 9 + y * (1 / 11 + y * (1 / 13)))))))
             x = -nu * log
-            b[RADIUS + k] = 1 + x * (1 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x / 5040))))))
-            area = b[CORD_AREA + k] / e
-            b[TENSION + k] = area * passive_stress(law, e)
-            b[STIFF + k] = area * elastic * law.tangent
-            b[MOMENT1 + k] = 0.0
-            b[MOMENT2 + k] = 0.0
-            b[MOMENT3 + k] = 0.0
-            b[STIFF_TURN + k] = 0.0
+            b[RADIUS + k] = 1 + x * (1 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x * (1 / 5040)))))))
+            b[SHRINK + k] = -nu / e
+
+    @kernel
+    def straight(b, n, law, elastic):
+        # Nerve cord and longitudinal fibres without activation: they start the sums.
+        half = np.sqrt(0.5)
+        for k in range(ONE, n + ONE):
+            e, shrink = b[STRETCH + k], b[SHRINK + k]
+            rho = b[OFFSET + k] * b[RADIUS + k]
+            r1, r2, y = b[MEAN1 + k] * rho, b[MEAN2 + k] * rho, b[MEAN3 + k] * rho
+            pull, along, bend1, turn, stiff = pair(e, y, r1, shrink, law)
+            more, along_more, slope, turn_more, stiff_more = pair(e, y, -r2, shrink, law)
+            pull, along, bend2, turn, stiff = pull + more, along + along_more, slope, turn + turn_more, stiff + stiff_more
+            more, along_more, slope, turn_more, stiff_more = pair(e, y, half * (r1 - r2), shrink, law)
+            pull, along, turn, stiff = pull + more, along + along_more, turn + turn_more, stiff + stiff_more
+            bend1, bend2 = bend1 + half * slope, bend2 + half * slope
+            more, along_more, slope, turn_more, stiff_more = pair(e, y, -half * (r1 + r2), shrink, law)
+            pull, along, turn, stiff = pull + more, along + along_more, turn + turn_more, stiff + stiff_more
+            bend1, bend2 = bend1 - half * slope, bend2 + half * slope
+            area = b[LONGITUDINAL_AREA + k]
+            moment1, moment2, moment3 = area * rho * bend1, -area * rho * bend2, area * rho * y * pull
+            b[MOMENT1 + k], b[MOMENT2 + k], b[MOMENT3 + k] = moment1, moment2, moment3
+            work = b[MEAN1 + k] * moment1 + b[MEAN2 + k] * moment2 + b[MEAN3 + k] * moment3
+            cord = b[CORD_AREA + k] / e
+            b[TENSION + k] = area * along + shrink * work + cord * passive_stress(law, e)
+            b[STIFF + k] = elastic * law.tangent * (area * stiff + cord)
+            b[STIFF_TURN + k] = elastic * law.tangent * area * rho * rho * turn
+
+    @kernel
+    def wound(b, n, winding, law, transverse, elastic):
+        # Both oblique families and the rings, without activation.
+        for k in range(ONE, n + ONE):
+            lam, e, shrink = b[RADIUS + k], b[STRETCH + k], b[SHRINK + k]
+            rho, rest = b[HELIX + k] * lam, b[OBLIQUE_REST + k]
+            unrest = 1 / rest
+            turn = rho * (winding + b[MEAN3 + k])
+            square = e * e + turn * turn
+            inverse = 1 / np.sqrt(square)
+            l0, l3 = (e + turn * turn * shrink) * inverse, turn * rho * inverse
+            pull = rest * inverse * passive_stress(law, square * inverse * unrest)
+            tension, moment, stiff, stiff_turn = pull * l0, pull * l3, inverse * l0 * l0, inverse * l3 * l3
+            turn = rho * (b[MEAN3 + k] - winding)
+            square = e * e + turn * turn
+            inverse = 1 / np.sqrt(square)
+            l0, l3 = (e + turn * turn * shrink) * inverse, turn * rho * inverse
+            pull = rest * inverse * passive_stress(law, square * inverse * unrest)
+            area = b[OBLIQUE_AREA + k]
+            slope = lam * shrink
+            ring = b[RING_AREA + k] / lam * slope
+            b[TENSION + k] += area * (tension + pull * l0) + ring * passive_stress(transverse, lam)
+            b[MOMENT3 + k] += area * (moment + pull * l3)
+            b[STIFF + k] += elastic * (law.tangent * area * (stiff + inverse * l0 * l0) + transverse.tangent * ring * slope)
+            b[STIFF_TURN + k] += elastic * law.tangent * area * (stiff_turn + inverse * l3 * l3)
 
     @kernel
     def apply(b, n):
@@ -256,7 +308,7 @@ def section_kernels(stride):
             b[N1 + k] += b[TENSION + k] * b[T1 + k]
             b[N2 + k] += b[TENSION + k] * b[T2 + k]
             b[N3 + k] += b[TENSION + k] * b[T3 + k]
-            here, before = 0.5 * b[LENGTH + k] / b[JOINT_LENGTH + k], 0.5 * b[LENGTH + p] / b[JOINT_LENGTH + k]
+            here, before = 0.5 * b[LENGTH + k] * b[INVERSE_JOINT + k], 0.5 * b[LENGTH + p] * b[INVERSE_JOINT + k]
             # Fibres see the mean curvature of an element's two joints; its zigzag, which they miss, is braked with their own viscosity.
             brake = 0.25 * (here * b[STIFF_TURN + k] + before * b[STIFF_TURN + p])
             zigzag1 = brake * (2 * b[KRATE1 + k] - b[KRATE1 + p] - b[KRATE1 + q])
@@ -332,4 +384,4 @@ def section_kernels(stride):
             b[W2 + k] += b[Q21 + k] * s1 + b[Q22 + k] * s2 + b[Q23 + k] * s3
             b[W3 + k] += b[Q31 + k] * s1 + b[Q32 + k] * s2 + b[Q33 + k] * s3
 
-    return measure, apply, remember, brake, relax
+    return measure, straight, wound, apply, remember, brake, relax

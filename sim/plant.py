@@ -118,7 +118,6 @@ class Plant:
         cord, longitudinal, ring, oblique = section.areas
         inside = slice(1, n + 1)
         for row, values in (
-            (Row.LENGTH, length),
             (Row.SHEAR, section.shear_stiffness),
             (Row.OFFSET, section.muscle_offset),
             (Row.HELIX, section.oblique_offset),
@@ -163,6 +162,7 @@ class Plant:
             longitudinal=law_constants(arm.longitudinal),
             oblique=law_constants(arm.oblique, arm.lumped.oblique_passive),
             transverse=law_constants(arm.transverse),
+            wet=self.scene.water is not None and self.scene.water.factor > 0,
         )
 
     def reset(self):
@@ -238,14 +238,21 @@ class Plant:
     def _levels(self, activation, samples):
         times = (self.samples + np.arange(samples + 1)) * self.sample_interval
         levels = np.asarray(activation.levels(times, self.edges), dtype=float)
-        if not (np.isfinite(levels).all() and levels.min(initial=0.0) >= 0 and levels.max(initial=0.0) <= 1 + 1e-12):
+        # A comparison with a value that is not a number is false.
+        if not (levels.min(initial=0.0) >= 0 and levels.max(initial=0.0) <= 1 + 1e-12):
             raise OctoctrlError(f"activation levels span {levels.min():g}…{levels.max():g} near t={times[0]:.2f} s; allowed is 0…1")
         return levels
+
+    @staticmethod
+    def _active(levels):
+        """Which groups pull in each sample (samples, 11); the others' active laws are left out, which changes no bit."""
+        pulls = levels.max(axis=2) > 0
+        return pulls[1:] | pulls[:-1]
 
     def _advance_samples(self, levels):
         n, samples = self.elements, len(levels) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        active = levels.any(axis=(0, 2))
+        active = self._active(levels)
         good = self.rows[:STATE_ROWS].copy()
         with BUILDING:
             step = _muscular_advance(stride_for(n))

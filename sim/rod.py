@@ -134,7 +134,6 @@ class RodSimulation:
         area = pi * rod.radius**2
         second_moment = area**2 / (4 * pi)
         set_state(rows, n, rod.points, rod.frames, rod.frames[0])
-        rows[Row.LENGTH, 1 : n + 1] = length
         rows[Row.SHEAR, 1 : n + 1] = rod.shear_coefficient * rod.shear_modulus * area
         rows[Row.AXIAL, 1 : n + 1] = rod.youngs_modulus * area
         inertia = rod.density * length * second_moment
@@ -250,10 +249,11 @@ def set_state(rows, n, points, frames, base_frame):
 
 
 def set_joints(rows, n, length, bend, twist, clamped):
-    """Joint lengths, and stiffnesses (per element, N m^2) averaged over the two half elements of each joint."""
+    """Lengths of elements and joints, and stiffnesses (per element, N m^2) averaged over the two half elements of each joint."""
     joint = np.empty(n + 1)
     joint[0], joint[-1], joint[1:-1] = length[0] / 2, length[-1] / 2, (length[1:] + length[:-1]) / 2
-    rows[Row.JOINT_LENGTH, 1 : n + 2] = joint
+    rows[Row.JOINT_LENGTH, 1 : n + 2], rows[Row.INVERSE_JOINT, 1 : n + 2] = joint, 1 / joint
+    rows[Row.LENGTH, 1 : n + 1], rows[Row.INVERSE_LENGTH, 1 : n + 1] = length, 1 / length
     for row, stiffness in ((Row.BEND1, bend), (Row.BEND2, bend), (Row.TWIST, twist)):
         rows[row, 2 : n + 1] = (stiffness[1:] * length[1:] + stiffness[:-1] * length[:-1]) / (length[1:] + length[:-1])
         rows[row, 1] = stiffness[0] if clamped else 0.0

@@ -64,6 +64,7 @@ def rod_kernels(stride, constant_section=False):
     K1, K2, K3, M1, M2, M3, A1, A2, A3 = (o[f"{field}{i}"] for field in "KMA" for i in (1, 2, 3))
     KRATE1, KRATE2, KRATE3, REST1, REST2, REST3 = (o[f"{field}{i}"] for field in ("KRATE", "REST") for i in (1, 2, 3))
     LENGTH, SHEAR, AXIAL, STRETCH, RATE = (o[name] for name in ("LENGTH", "SHEAR", "AXIAL", "STRETCH", "RATE"))
+    INVERSE_LENGTH, INVERSE_JOINT = o["INVERSE_LENGTH"], o["INVERSE_JOINT"]
     INERTIA1, INERTIA2, INERTIA3 = (o[f"INERTIA{i}"] for i in (1, 2, 3))
     JOINT_LENGTH, BEND1, BEND2, TWIST = (o[name] for name in ("JOINT_LENGTH", "BEND1", "BEND2", "TWIST"))
     TORQUE1, TORQUE2, TORQUE3 = (o[f"TORQUE{i}"] for i in (1, 2, 3))
@@ -92,8 +93,8 @@ def rod_kernels(stride, constant_section=False):
                 )
             u1, u2, u3 = h * w1, h * w2, h * w3
             square = u1 * u1 + u2 * u2 + u3 * u3
-            sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square / 362880)))
-            cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square / 3628800)))
+            sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880))))
+            cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square * (1 / 3628800))))
             # Rows of exp(-[u]): 1 - sine [u] + cosine (u u^T - u.u).
             r11, r22, r33 = 1 - cosine * (u2 * u2 + u3 * u3), 1 - cosine * (u1 * u1 + u3 * u3), 1 - cosine * (u1 * u1 + u2 * u2)
             c12, c13, c23 = cosine * u1 * u2, cosine * u1 * u3, cosine * u2 * u3
@@ -123,10 +124,10 @@ def rod_kernels(stride, constant_section=False):
             length = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
             inverse = 1 / length
             t1, t2, t3 = d1 * inverse, d2 * inverse, d3 * inverse
-            stretch = length / b[LENGTH + k]
+            stretch = length * b[INVERSE_LENGTH + k]
             unstretch = 1.0 if constant_section else 1 / stretch
             u1, u2, u3 = b[V1 + k + ONE] - b[V1 + k], b[V2 + k + ONE] - b[V2 + k], b[V3 + k + ONE] - b[V3 + k]
-            rate = (t1 * u1 + t2 * u2 + t3 * u3) / b[LENGTH + k]
+            rate = (t1 * u1 + t2 * u2 + t3 * u3) * b[INVERSE_LENGTH + k]
             m1 = b[Q11 + k] * t1 + b[Q12 + k] * t2 + b[Q13 + k] * t3
             m2 = b[Q21 + k] * t1 + b[Q22 + k] * t2 + b[Q23 + k] * t3
             m3 = b[Q31 + k] * t1 + b[Q32 + k] * t2 + b[Q33 + k] * t3
@@ -159,7 +160,7 @@ def rod_kernels(stride, constant_section=False):
             trace = (
                 c11 * a11 + c12 * a12 + c13 * a13 + c21 * a21 + c22 * a22 + c23 * a23 + c31 * a31 + c32 * a32 + c33 * a33
             )  # fmt: skip
-            factor = 0.5 * angle_over_sine(0.25 * (3 - trace)) / b[JOINT_LENGTH + k]
+            factor = 0.5 * angle_over_sine(0.25 * (3 - trace)) * b[INVERSE_JOINT + k]
             b[K1 + k] = factor * (c21 * a31 + c22 * a32 + c23 * a33 - c31 * a21 - c32 * a22 - c33 * a23)
             b[K2 + k] = factor * (c31 * a11 + c32 * a12 + c33 * a13 - c11 * a31 - c12 * a32 - c13 * a33)
             b[K3 + k] = factor * (c11 * a21 + c12 * a22 + c13 * a23 - c21 * a11 - c22 * a12 - c23 * a13)
@@ -169,7 +170,7 @@ def rod_kernels(stride, constant_section=False):
         # kappa' = (w_k - w_{k-1}) / D + kappa x w: the second term is the turning of the frame in which kappa is written.
         for k in range(ONE, n + ONE):
             p = k - ONE
-            inverse = 1 / b[JOINT_LENGTH + k]
+            inverse = b[INVERSE_JOINT + k]
             k1, k2, k3 = b[K1 + k], b[K2 + k], b[K3 + k]
             w1, w2, w3 = 0.5 * (b[W1 + k] + b[W1 + p]), 0.5 * (b[W2 + k] + b[W2 + p]), 0.5 * (b[W3 + k] + b[W3 + p])
             b[KRATE1 + k] = (b[W1 + k] - b[W1 + p]) * inverse + k2 * w3 - k3 * w2
@@ -180,7 +181,7 @@ def rod_kernels(stride, constant_section=False):
     def moment(b, n):
         for k in range(ONE, n + ONE):
             p = k - ONE
-            swell = 0.5 * (b[STRETCH + k] * b[LENGTH + k] + b[STRETCH + p] * b[LENGTH + p]) / b[JOINT_LENGTH + k]
+            swell = 0.5 * (b[STRETCH + k] * b[LENGTH + k] + b[STRETCH + p] * b[LENGTH + p]) * b[INVERSE_JOINT + k]
             soften = 1.0 if constant_section else 1 / (swell * swell * swell)
             k1, k2, k3 = b[K1 + k], b[K2 + k], b[K3 + k]
             m1 = b[BEND1 + k] * (k1 - b[REST1 + k]) * soften
@@ -199,7 +200,7 @@ def rod_kernels(stride, constant_section=False):
             if constant_section:
                 # The exact adjoint of the rotation vector's rate: the published form stops at the first order of the joint's angle.
                 square = 4 * (k1 * k1 + k2 * k2 + k3 * k3)
-                second = 4 * (1 / 12 + square * (1 / 720 + square * (1 / 30240 + square / 1209600)))
+                second = 4 * (1 / 12 + square * (1 / 720 + square * (1 / 30240 + square * (1 / 1209600))))
                 b[M1 + k] = m1 + second * (k2 * a3 - k3 * a2)
                 b[M2 + k] = m2 + second * (k3 * a1 - k1 * a3)
                 b[M3 + k] = m3 + second * (k1 * a2 - k2 * a1)

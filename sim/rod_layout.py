@@ -38,8 +38,8 @@ class Row(_Row):
     W1, W2, W3 = (auto() for _ in range(3))
     # Parameters of elements: rest length, shear and axial stiffness, rotary inertia; of joints: rest length, bend and twist stiffness and
     # rest curvature; of nodes: dead force in the lab frame.
-    LENGTH, SHEAR, AXIAL, INERTIA1, INERTIA2, INERTIA3 = (auto() for _ in range(6))
-    JOINT_LENGTH, BEND1, BEND2, TWIST, REST1, REST2, REST3 = (auto() for _ in range(7))
+    LENGTH, INVERSE_LENGTH, SHEAR, AXIAL, INERTIA1, INERTIA2, INERTIA3 = (auto() for _ in range(7))
+    JOINT_LENGTH, INVERSE_JOINT, BEND1, BEND2, TWIST, REST1, REST2, REST3 = (auto() for _ in range(8))
     FORCE1, FORCE2, FORCE3, COUPLE1, COUPLE2, COUPLE3 = (auto() for _ in range(6))
     # Damping in phi-1 form: a velocity becomes DECAY * velocity + MOBILITY * force over one step.
     NODE_DECAY, NODE_MOBILITY, BEND_DECAY, TWIST_DECAY = (auto() for _ in range(4))
@@ -51,7 +51,7 @@ class Row(_Row):
     STRETCH, RATE, T1, T2, T3, N1, N2, N3, TORQUE1, TORQUE2, TORQUE3 = (auto() for _ in range(11))
     K1, K2, K3, KRATE1, KRATE2, KRATE3, M1, M2, M3, A1, A2, A3 = (auto() for _ in range(12))
     MEAN1, MEAN2, MEAN3, MEANRATE1, MEANRATE2, MEANRATE3 = (auto() for _ in range(6))
-    RADIUS, TENSION, MOMENT1, MOMENT2, MOMENT3, STIFF, STIFF_TURN = (auto() for _ in range(7))
+    RADIUS, SHRINK, TENSION, MOMENT1, MOMENT2, MOMENT3, STIFF, STIFF_TURN = (auto() for _ in range(8))
     YIELD, DIAGONAL, DIAGONAL_TURN, COUPLING = (auto() for _ in range(4))
     IMPULSE, IMPULSE1, IMPULSE2, IMPULSE3, OLD1, OLD2, OLD3, SPIN1, SPIN2, SPIN3, LEVEL = (auto() for _ in range(11))
 

@@ -32,6 +32,7 @@ class MuscleScalars(NamedTuple):
     longitudinal: LawConstants
     oblique: LawConstants
     transverse: LawConstants
+    wet: bool
 
 
 def _closing_kernel(stride):
@@ -115,13 +116,12 @@ def muscular_stepper(stride):
     -------
     advance : compiled function
         ``advance(buffer, n, h, steps, levels, active, directions, scalars, points, directors, stretch)``: as for the elastic rod, with
-        `levels` (samples + 1, 11, n), linear in time between samples, `active` (11,) bool, which groups ever differ from zero, and
-        `directions` (8, 2), sine and cosine of the longitudinal azimuths.
+        `levels` (samples + 1, 11, n), linear in time between samples, `active` (samples, 11) bool, which groups differ from zero in each
+        (others are left out, which changes no bit), and `directions` (8, 2), sine and cosine of the longitudinal azimuths.
     """
     drift, strain, curvature, curvature_rate, moment, transport, kick, water = rod_kernels(stride)
-    measure, apply, remember, brake, relax = section_kernels(stride)
-    longitudinal_active, oblique_active, transverse_active = fibre_kernels(stride, True)
-    longitudinal_passive, oblique_passive, transverse_passive = fibre_kernels(stride, False)
+    measure, straight, wound, apply, remember, brake, relax = section_kernels(stride)
+    longitudinal, oblique, transverse = fibre_kernels(stride)
     close = _closing_kernel(stride)
     LEVEL = offsets(stride)["LEVEL"]
 
@@ -142,29 +142,22 @@ def muscular_stepper(stride):
                 curvature(b, n)
                 curvature_rate(b, n)
                 moment(b, n)
-                measure(b, n, nu, scalars.longitudinal, elastic)
-                for group in range(8):
-                    sine, cosine = directions[group, 0], directions[group, 1]
-                    if active[group]:
+                measure(b, n, nu)
+                straight(b, n, scalars.longitudinal, elastic)
+                wound(b, n, scalars.winding, scalars.oblique, scalars.transverse, elastic)
+                for group in range(11):
+                    if active[sample, group]:
                         set_level(b, n, before[group], after[group], share)
-                        longitudinal_active(b, n, sine, cosine, nu, scalars.longitudinal, elastic)
-                    else:
-                        longitudinal_passive(b, n, sine, cosine, nu, scalars.longitudinal, elastic)
-                for group in range(8, 10):
-                    winding = scalars.winding if group == 8 else -scalars.winding
-                    if active[group]:
-                        set_level(b, n, before[group], after[group], share)
-                        oblique_active(b, n, winding, nu, scalars.oblique, elastic)
-                    else:
-                        oblique_passive(b, n, winding, nu, scalars.oblique, elastic)
-                if active[10]:
-                    set_level(b, n, before[10], after[10], share)
-                    transverse_active(b, n, nu, scalars.transverse, elastic)
-                else:
-                    transverse_passive(b, n, nu, scalars.transverse, elastic)
+                        if group < 8:
+                            longitudinal(b, n, directions[group, 0], directions[group, 1], scalars.longitudinal)
+                        elif group < 10:
+                            oblique(b, n, scalars.winding if group == 8 else -scalars.winding, scalars.oblique)
+                        else:
+                            transverse(b, n, scalars.transverse)
                 apply(b, n)
                 transport(b, n)
-                water(b, n)
+                if scalars.wet:
+                    water(b, n)
                 remember(b, n)
                 kick(b, n)
                 brake(b, n)

@@ -220,13 +220,9 @@ def gradient(function, point):
     return result
 
 
-@pytest.mark.parametrize(
-    "kind, choice", [("longitudinal", 0.7), ("longitudinal", 3.9), ("oblique", WINDING), ("oblique", -WINDING), ("transverse", 0.0)]
-)
-@pytest.mark.parametrize("active", [False, True])
-def test_fibres_do_virtual_work(kind, choice, active):
-    elements, random = 40, np.random.default_rng(5)
-    law = LONGITUDINAL if kind != "transverse" else TRANSVERSE
+def random_sections(elements):
+    """A buffer of random strains and rates, with the strains (4, n), the rates (4, n) and what else a fibre needs."""
+    random = np.random.default_rng(5)
     buffer, rows = new_buffer(elements)
     inside = slice(1, elements + 1)
     strains = np.stack([random.uniform(0.85, 1.2, elements), *(random.uniform(-20, 20, elements) for _ in range(3))])
@@ -237,32 +233,83 @@ def test_fibres_do_virtual_work(kind, choice, active):
         rows[row, inside] = values
     for row, values in zip((Row.RATE, Row.MEANRATE1, Row.MEANRATE2, Row.MEANRATE3), rates, strict=True):
         rows[row, inside] = values
-    rows[Row.RADIUS, inside] = strains[0] ** -NU
+    rows[Row.RADIUS, inside], rows[Row.SHRINK, inside] = strains[0] ** -NU, -NU / strains[0]
     rows[Row.OFFSET, inside], rows[Row.HELIX, inside], rows[Row.OBLIQUE_REST, inside], rows[Row.LEVEL, inside] = offset, helix, rest, level
-    rows[[Row.LONGITUDINAL_AREA, Row.OBLIQUE_AREA, Row.RING_AREA], inside] = area
-    longitudinal, oblique, transverse = fibre_kernels(stride_for(elements), active)
-    elastic, count = 2e-4, np.uint64(elements)
+    rows[[Row.CORD_AREA, Row.LONGITUDINAL_AREA, Row.OBLIQUE_AREA, Row.RING_AREA], inside] = area
+    return buffer, rows, strains, rates, (offset, helix, rest, area, level)
+
+
+def fibre_work(kind, choice, k, strains, rates, given, *, passive, active):
+    """Work (4,) of one fibre on the strains of section k, per rest length of the arm, and its scale."""
+    offset, helix, rest, area, level = (values[k] for values in given)
+    law = TRANSVERSE if kind == "transverse" else LONGITUDINAL
+
+    def stretch(point):
+        return point[0] if kind == "cord" else fibre_stretch(kind, point, offset, helix, 1 / rest, choice)
+
+    slope, s = gradient(stretch, strains[:, k]), stretch(strains[:, k])
+    stress = passive * law.passive_stress(s) * PASSIVE_FACTOR.get(kind, 1.0)
+    if active:
+        stress += level * law.maximum_stress * law.active_factor(s) * law.velocity_factor(-(slope @ rates[:, k]) / law.maximum_rate)
+    # A tension A sigma / s on a fibre that is `rest` times as long as its piece of the arm.
+    work = area * stress / s * slope * (rest if kind == "oblique" else 1.0)
+    return work, area * law.maximum_stress * np.array([1.0, 0.01, 0.01, 0.01])
+
+
+WORK = [Row.TENSION, Row.MOMENT1, Row.MOMENT2, Row.MOMENT3]
+
+
+@pytest.mark.parametrize(
+    "kind, choice", [("longitudinal", 0.7), ("longitudinal", 3.9), ("oblique", WINDING), ("oblique", -WINDING), ("transverse", 0.0)]
+)
+def test_active_fibres_do_virtual_work(kind, choice):
+    elements = 40
+    buffer, rows, strains, rates, given = random_sections(elements)
+    longitudinal, oblique, transverse = fibre_kernels(stride_for(elements))
+    count = np.uint64(elements)
     if kind == "longitudinal":
-        longitudinal(buffer, count, np.sin(choice), np.cos(choice), NU, CONSTANTS[kind], elastic)
+        longitudinal(buffer, count, np.sin(choice), np.cos(choice), CONSTANTS[kind])
     elif kind == "oblique":
-        oblique(buffer, count, choice, NU, CONSTANTS[kind], elastic)
+        oblique(buffer, count, choice, CONSTANTS[kind])
     else:
-        transverse(buffer, count, NU, CONSTANTS[kind], elastic)
-    found = rows[[Row.TENSION, Row.MOMENT1, Row.MOMENT2, Row.MOMENT3], inside].T
+        transverse(buffer, count, CONSTANTS[kind])
+    found = rows[WORK, 1 : elements + 1].T
     for k in range(elements):
-
-        def stretch(point, k=k):
-            return fibre_stretch(kind, point, offset[k], helix[k], 1 / rest[k], choice)
-
-        slope, s = gradient(stretch, strains[:, k]), stretch(strains[:, k])
-        rate = slope @ rates[:, k]
-        stress = law.passive_stress(s) * PASSIVE_FACTOR[kind]
-        if active:
-            stress += level[k] * law.maximum_stress * law.active_factor(s) * law.velocity_factor(-rate / law.maximum_rate)
-        # Work per rest length of the arm: a tension A sigma / s on a fibre that is `rest` times as long as its piece of the arm.
-        work = area[k] * stress / s * slope * (rest[k] if kind == "oblique" else 1.0)
-        scale = area[k] * law.maximum_stress * np.array([1.0, 0.01, 0.01, 0.01])
+        work, scale = fibre_work(kind, choice, k, strains, rates, given, passive=0.0, active=True)
         assert np.all(np.abs(found[k] - work) < 1e-8 * scale), (found[k], work)
+
+
+def test_passive_fibres_do_virtual_work():
+    elements, elastic = 40, 2e-4
+    buffer, rows, strains, rates, given = random_sections(elements)
+    _, straight, wound, *_ = section_kernels(stride_for(elements))
+    straight(buffer, np.uint64(elements), CONSTANTS["longitudinal"], elastic)
+    alone = rows[WORK, 1 : elements + 1].T.copy()
+    wound(buffer, np.uint64(elements), WINDING, CONSTANTS["oblique"], CONSTANTS["transverse"], elastic)
+    both = rows[WORK, 1 : elements + 1].T
+    fibres = {
+        "straight": [("cord", 0.0), *(("longitudinal", m * np.pi / 4) for m in range(8))],
+        "wound": [("oblique", WINDING), ("oblique", -WINDING), ("transverse", 0.0)],
+    }
+    for found, kinds in ((alone, fibres["straight"]), (both - alone, fibres["wound"])):
+        for k in range(elements):
+            parts = [fibre_work(*fibre, k, strains, rates, given, passive=1.0, active=False) for fibre in kinds]
+            work, scale = sum(part[0] for part in parts), sum(part[1] for part in parts)
+            assert np.all(np.abs(found[k] - work) < 1e-8 * scale), (found[k], work)
+    # The implicit step's bounds: squares of dl/d(e), and of dl/d(k) summed over the three curvatures, times the elastic tangent.
+    for k in range(elements):
+        bounds = np.zeros(2)
+        for kind, choice in (*fibres["straight"], *fibres["wound"]):
+            offset, helix, rest, area, _ = (values[k] for values in given)
+
+            def stretch(point, kind=kind, choice=choice, offset=offset, helix=helix, rest=rest):
+                return point[0] if kind == "cord" else fibre_stretch(kind, point, offset, helix, 1 / rest, choice)
+
+            slope, s = gradient(stretch, strains[:, k]) * (rest if kind == "oblique" else 1.0), stretch(strains[:, k])
+            tangent = CONSTANTS.get(kind, CONSTANTS["longitudinal"]).tangent * elastic * area / s
+            tangent /= rest if kind == "oblique" else 1.0
+            bounds += tangent * np.array([slope[0] ** 2, slope[1:] @ slope[1:]])
+        assert rows[[Row.STIFF, Row.STIFF_TURN], 1 + k] == pytest.approx(bounds, rel=1e-8)
 
 
 def test_section_means_and_their_rates():
@@ -293,7 +340,7 @@ def test_section_means_and_their_rates():
     angle = np.linalg.norm(found * joint[:, None], axis=1)
     spin = np.linalg.norm(w[1:] - w[:-1], axis=1) / joint
     assert np.all(np.linalg.norm(measured - exact, axis=1) < angle**2 / 8 * spin + 1e-4 * spin)
-    measure(sim.buffer, count, NU, CONSTANTS["longitudinal"], 0.0)
+    measure(sim.buffer, count, NU)
     assert np.allclose(rows[Row.RADIUS, 1 : elements + 1], rows[Row.STRETCH, 1 : elements + 1] ** -NU, rtol=2e-8)
 
 
@@ -325,6 +372,8 @@ def assembly(kernel, *arguments):
         "oblique",
         "transverse",
         "measure",
+        "straight",
+        "wound",
         "apply",
     ],
 )
@@ -338,15 +387,17 @@ def test_loops_over_elements_are_vector_instructions(name):
     rows[:] = 1.0
     names = ("drift", "strain", "curvature", "curvature_rate", "moment", "transport", "kick", "water")
     kernels = dict(zip(names, rod_kernels(stride), strict=True))
-    kernels |= dict(zip(("longitudinal", "oblique", "transverse"), fibre_kernels(stride, True), strict=True))
-    kernels |= dict(zip(("measure", "apply"), section_kernels(stride)[:2], strict=True))
+    kernels |= dict(zip(("longitudinal", "oblique", "transverse"), fibre_kernels(stride), strict=True))
+    kernels |= dict(zip(("measure", "straight", "wound", "apply"), section_kernels(stride)[:4], strict=True))
     law = CONSTANTS["longitudinal"]
     more = {
         "drift": (1e-4,),
-        "longitudinal": (0.6, 0.8, NU, law, 1e-4),
-        "oblique": (WINDING, NU, law, 1e-4),
-        "transverse": (NU, law, 1e-4),
-        "measure": (NU, law, 1e-4),
+        "longitudinal": (0.6, 0.8, law),
+        "oblique": (WINDING, law),
+        "transverse": (law,),
+        "measure": (NU,),
+        "straight": (law, 1e-4),
+        "wound": (WINDING, law, CONSTANTS["transverse"], 1e-4),
     }
     lines = assembly(kernels[name], buffer, elements, *more.get(name, ()))
     packed, single = sum(bool(PACKED.search(line)) for line in lines), sum(bool(SINGLE.search(line)) for line in lines)
