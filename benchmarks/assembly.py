@@ -48,10 +48,10 @@ def shape(plant):
 def by_part(plant, repeats=60):
     """Microseconds per step of each part, best of `repeats` calls on the present state."""
     rods, h = plant.rods, plant.h
-    _, parts = _compiled(rods.lanes, plant.elements, plant.geometry.inclination)
+    _, parts = _compiled(plant.grid, plant.geometry.inclination)
     u = np.uint64
-    lanes = rods.lanes
-    everything, rings = (u(1), u(25 * lanes - 1)), (u(lanes), u(41 * lanes))
+    grid = plant.grid
+    everything, rings = (u(1), u(grid.open_slots * grid.lanes - 1)), (u(grid.lanes), u((grid.ring_nodes + 1) * grid.lanes))
     calls = {
         "strains and muscles, open rods": ("strain", (*everything, 0.5, 0.25 * h, plant._laws[0])),
         "strains and muscles, rings": ("ring_strain", (*rings, 0.5, 0.25 * h, plant._laws[2])),

@@ -12,7 +12,7 @@ import numpy as np
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .assembly_diagnosis import cause
-from .assembly_geometry import RING_NODES, assembly_geometry
+from .assembly_geometry import assembly_geometry
 from .assembly_layout import AssemblyRow, SpokeRow
 from .errors import PlantUnstableError, check_number
 from .plant import BUILDING, Observation, Plant
@@ -28,10 +28,10 @@ TONE_RAMP = 0.01
 
 
 @cache
-def _compiled(lanes, count, inclination, published=False):
+def _compiled(grid, inclination, published=False):
     from .assembly_stepping import assembly_stepper
 
-    return assembly_stepper(lanes, count, inclination, published)
+    return assembly_stepper(grid, inclination, published)
 
 
 class AssemblyPlant(Plant):
@@ -71,7 +71,8 @@ class AssemblyPlant(Plant):
         self.resting_tone, self.paper_compatible = resting_tone, paper_compatible
         self.sample_interval, self.record_every = sample_interval, record_every
         self.geometry = assembly_geometry(self.arm)
-        self.elements = self.geometry.count
+        self.grid = self.geometry.grid
+        self.elements = self.grid.rings
         self._ring_radius = np.linalg.norm(self.geometry.rings.points[..., ::2], axis=2).mean(axis=1)
         self.edges = np.linspace(0.0, self.arm.length, self.elements + 1)
         self.stations = np.concatenate([[0.0], (self.edges[1:] + self.edges[:-1]) / 2, [self.arm.length]])
@@ -113,7 +114,7 @@ class AssemblyPlant(Plant):
         return Observation(time=self.time, points=points, frames=self._with_ends(frames), stations=self.stations, stretch=stretch)
 
     def nodes(self):
-        """Node positions of the families, m: straight (9, N + 1, 3), oblique (8, 2 N, 3), rings (N, RING_NODES, 3)."""
+        """Node positions of the families, m: straight (9, N + 1, 3), oblique (8, 2 N, 3), rings (N, ring nodes, 3)."""
         rows = range(AssemblyRow.X1, AssemblyRow.X3 + 1)
         straight = np.stack([self.rods.straight(row, nodes=True) for row in rows], axis=-1)
         oblique = np.stack([self.rods.oblique(row, nodes=True) for row in rows], axis=-1)
@@ -127,11 +128,7 @@ class AssemblyPlant(Plant):
 
     def pressure(self):
         """Intramuscular pressure (9, N) in the nerve cord and the longitudinal muscles at the last step, Pa."""
-        lanes, inside = self.rods.lanes, np.s_[:, 1 : self.elements + 1]
-        total, *parts = (
-            self.rods.spokes[row, lanes : 10 * lanes].reshape(9, lanes)[inside]
-            for row in (SpokeRow.SUM, SpokeRow.G1, SpokeRow.G2, SpokeRow.G3)
-        )
+        total, *parts = (self.rods.straight_sum(row) for row in (SpokeRow.SUM, SpokeRow.G1, SpokeRow.G2, SpokeRow.G3))
         stretch = self.rods.straight(AssemblyRow.STRETCH)
         surface = tau * self.geometry.straight.radius * self.geometry.straight.length * np.sqrt(stretch)
         return (np.abs(total) - np.linalg.norm(parts, axis=0)) / surface
@@ -161,7 +158,7 @@ class AssemblyPlant(Plant):
     def _advance_samples(self, levels):
         n, samples, rods = self.elements, len(levels) - 1, self.rods
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        longitudinal = np.empty((samples + 1, 9, n))
+        longitudinal = np.empty((samples + 1, self.grid.straight_rods, n))
         since = (self.samples + np.arange(samples + 1)) * self.sample_interval
         tone = self.resting_tone * np.minimum(since / TONE_RAMP, 1.0)
         longitudinal[:, 0] = tone[:, None]
@@ -169,7 +166,7 @@ class AssemblyPlant(Plant):
         transverse = np.maximum(levels[:, MUSCLE_GROUPS.index("TM")], tone[:, None])
         good = rods.state()
         with BUILDING:
-            step, _ = _compiled(rods.lanes, n, self.geometry.inclination, self.paper_compatible)
+            step, _ = _compiled(self.grid, self.geometry.inclination, self.paper_compatible)
         if self.paper_compatible:
             set_filter_masks(rods)
         arguments = (
@@ -202,13 +199,15 @@ class AssemblyPlant(Plant):
 
     def place(self, family, where):
         """Name of the rod and number of the element at index `where` in a row of `family` (0 open rods, 1 rings)."""
-        slot, lane = divmod(where, self.rods.lanes)
+        grid = self.grid
+        slot, lane = divmod(where, grid.lanes)
         if family == 1:
-            return f"ring {lane - 1}", (slot - 1) % RING_NODES
-        if slot < 9:
+            return f"ring {lane - 1}", (slot - 1) % grid.ring_nodes
+        if slot < grid.straight_rods:
             return ("nerve cord" if slot == 0 else f"LM{slot}"), lane - 1
-        helix, late = divmod(slot - 9, 2)
-        return f"{'L' if helix < 4 else 'R'}-OM helix {helix % 4 + 1}", late * self.rods.lanes + lane - 1
+        helix, late = divmod(slot - grid.straight_rods, grid.helix_nodes)
+        hand, number = divmod(helix, grid.helices // 2)
+        return f"{'LR'[hand]}-OM helix {number + 1}", late * grid.lanes + lane - 1
 
     def _identity(self):
         return super()._identity() | {"resting_tone": self.resting_tone}

@@ -5,21 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .assembly_crossing_kernels import HELIX_PLACES, RING_PLACES, buffer_size, crossing_offsets
-from .assembly_geometry import RING_NODES, ring_connections, stiffness, straight_connections
+from .assembly_geometry import ring_connections, stiffness, straight_connections
 from .assembly_joint_kernels import spoke_offsets
 from .assembly_kernels import family_offsets
-from .assembly_layout import (
-    CROSSING_SLOTS,
-    OPEN_SLOTS,
-    RING_SLOTS,
-    SPOKE_SLOTS,
-    STATE_ROWS,
-    AssemblyRow,
-    CrossingRow,
-    SpokeRow,
-    lanes_for,
-    stride_of,
-)
+from .assembly_layout import STATE_ROWS, AssemblyGrid, AssemblyRow, CrossingRow, SpokeRow, stride_of
 from .rod import phi1
 from .rotations import rotation_vector
 
@@ -37,17 +26,15 @@ class AssemblyBuffer:
 
     Attributes
     ----------
-    lanes, count : int
-        Numbers per slot, rings.
+    grid : AssemblyGrid
     flat : (size,) float64
     open_rods, rings, spokes, crossings : (rows, stride) float64
         Views; rows are those of `AssemblyRow`, `SpokeRow` and `CrossingRow`.
-    ring_index : (6, 8 * lanes) uint64
-    helix_index : (3, 8 * lanes) uint64
+    ring_index : (6, helices * lanes) uint64
+    helix_index : (3, helices * lanes) uint64
     """
 
-    lanes: int
-    count: int
+    grid: AssemblyGrid
     flat: np.ndarray
     open_rods: np.ndarray
     rings: np.ndarray
@@ -70,56 +57,68 @@ class AssemblyBuffer:
         self.open_rods[:STATE_ROWS], self.rings[:STATE_ROWS] = state
 
     def straight(self, row, nodes=False):
-        """View (9, n) of one `row` of the straight rods, n + 1 wide for `nodes`."""
-        count = self.count + int(nodes)
-        return self.open_rods[row, : 9 * self.lanes].reshape(9, self.lanes)[:, 1 : count + 1]
+        """View (straight rods, n) of one `row` of the straight rods, n + 1 wide for `nodes`."""
+        grid = self.grid
+        wide = self.open_rods[row, : grid.straight_rods * grid.lanes].reshape(grid.straight_rods, grid.lanes)
+        return wide[:, 1 : grid.rings + int(nodes) + 1]
 
     def oblique(self, row, nodes=False):
-        """View (8, n) of one `row` of the helices, n + 1 wide for `nodes`."""
-        count = 2 * self.count - 1 + int(nodes)
-        return self.open_rods[row, 9 * self.lanes : OPEN_SLOTS * self.lanes].reshape(8, 2 * self.lanes)[:, 1 : count + 1]
+        """View (helices, n) of one `row` of the helices, n + 1 wide for `nodes`."""
+        grid = self.grid
+        wide = self.open_rods[row, grid.straight_rods * grid.lanes : grid.open_slots * grid.lanes].reshape(grid.helices, -1)
+        return wide[:, 1 : grid.helix_elements + int(nodes) + 1]
 
     def ring(self, row):
-        """View (N, RING_NODES) of one `row` of the rings."""
-        inner = self.rings[row, self.lanes : (RING_NODES + 1) * self.lanes].reshape(RING_NODES, self.lanes)
-        return inner[:, 1 : self.count + 1].T
+        """View (N, ring nodes) of one `row` of the rings."""
+        grid = self.grid
+        inner = self.rings[row, grid.lanes : (grid.ring_nodes + 1) * grid.lanes].reshape(grid.ring_nodes, grid.lanes)
+        return inner[:, 1 : grid.rings + 1].T
 
     def spoke(self, row):
-        """View (8, N) of one `row` of the spokes."""
-        return self.spokes[row, 2 * self.lanes : 10 * self.lanes].reshape(8, self.lanes)[:, 1 : self.count + 1]
+        """View (spokes, N) of one `row` of the spokes."""
+        grid = self.grid
+        inner = self.spokes[row, grid.first_spoke * grid.lanes : (grid.first_spoke + grid.spokes) * grid.lanes]
+        return inner.reshape(grid.spokes, grid.lanes)[:, 1 : grid.rings + 1]
+
+    def straight_sum(self, row):
+        """View (straight rods, N) of what the spokes' result `row` sums up to on the cord and each muscle."""
+        grid = self.grid
+        inner = self.spokes[row, (grid.first_spoke - 1) * grid.lanes : (grid.first_spoke + grid.spokes) * grid.lanes]
+        return inner.reshape(grid.straight_rods, grid.lanes)[:, 1 : grid.rings + 1]
 
     def crossing(self, row):
-        """View (8, N) of one `row` of the crossings."""
-        return self.crossings[row, : 8 * self.lanes].reshape(8, self.lanes)[:, 1 : self.count + 1]
+        """View (helices, N) of one `row` of the crossings."""
+        grid = self.grid
+        return self.crossings[row, : grid.helices * grid.lanes].reshape(grid.helices, grid.lanes)[:, 1 : grid.rings + 1]
 
 
 def new_assembly(geometry):
     """A zeroed buffer for `geometry`, with its tables of indices."""
-    lanes, count = lanes_for(geometry.count), geometry.count
-    flat = np.zeros(buffer_size(lanes))
+    grid = geometry.grid
+    lanes, count = grid.lanes, grid.rings
+    flat = np.zeros(buffer_size(grid))
 
     def view(start, rows, slots):
         stride = stride_of(slots, lanes)
         return flat[int(start) : int(start) + len(rows) * stride].reshape(len(rows), stride)
 
-    ring_index = np.zeros((6, CROSSING_SLOTS, lanes), dtype=np.uint64)
-    helix_index = np.zeros((3, CROSSING_SLOTS, lanes), dtype=np.uint64)
+    ring_index = np.zeros((6, grid.helices, lanes), dtype=np.uint64)
+    helix_index = np.zeros((3, grid.helices, lanes), dtype=np.uint64)
     lane = np.arange(1, count + 1)
-    for place, away in zip(RING_PLACES, (-2, -1, 0, 1, 2, RING_NODES // 2), strict=True):
-        node = (geometry.oblique_nodes + away) % RING_NODES
+    for place, away in zip(RING_PLACES, (-2, -1, 0, 1, 2, grid.ring_nodes // 2), strict=True):
+        node = (geometry.oblique_nodes + away) % grid.ring_nodes
         ring_index[RING_PLACES.index(place), :, 1 : count + 1] = (node + 1) * lanes + lane
-    for j in range(8):
-        side = 1 if j < 4 else -1
+    for j in range(grid.helices):
+        side, start = 1 if j < grid.helices // 2 else -1, (grid.straight_rods + grid.helix_nodes * j) * lanes
         for place, away in zip(HELIX_PLACES, (side, 0, -side), strict=True):
-            helix_index[HELIX_PLACES.index(place), j, 1 : count + 1] = (9 + 2 * j) * lanes + 2 * (lane - 1) + 1 + away
+            helix_index[HELIX_PLACES.index(place), j, 1 : count + 1] = start + grid.helix_nodes * (lane - 1) + 1 + away
     buffer = AssemblyBuffer(
-        lanes=lanes,
-        count=count,
+        grid=grid,
         flat=flat,
-        open_rods=view(family_offsets(lanes, False)["X1"], R, OPEN_SLOTS),
-        rings=view(family_offsets(lanes, True)["X1"], R, RING_SLOTS),
-        spokes=view(spoke_offsets(lanes)["S1"], SpokeRow, SPOKE_SLOTS),
-        crossings=view(crossing_offsets(lanes)["A1"], CrossingRow, CROSSING_SLOTS),
+        open_rods=view(family_offsets(grid, False)["X1"], R, grid.open_slots),
+        rings=view(family_offsets(grid, True)["X1"], R, grid.ring_slots),
+        spokes=view(spoke_offsets(grid)["S1"], SpokeRow, grid.spoke_slots),
+        crossings=view(crossing_offsets(grid)["A1"], CrossingRow, grid.helices),
         ring_index=ring_index.reshape(6, -1),
         helix_index=helix_index.reshape(3, -1),
     )
@@ -128,9 +127,9 @@ def new_assembly(geometry):
 
 def set_rest(buffer, geometry):
     """Put all rods to rest in their initial places; ghosts go on along the end edges."""
-    lanes = buffer.lanes
+    grid, lanes = buffer.grid, buffer.grid.lanes
     buffer.open_rods[:STATE_ROWS], buffer.rings[:STATE_ROWS] = 0.0, 0.0
-    for family, start, wide in ((geometry.straight, 0, 1), (geometry.oblique, 9, 2)):
+    for family, start, wide in ((geometry.straight, 0, 1), (geometry.oblique, grid.straight_rods, grid.helix_nodes)):
         for rod in range(len(family.points)):
             slot = slice((start + wide * rod) * lanes, (start + wide * (rod + 1)) * lanes)
             points, frames = family.points[rod], family.frames[rod]
@@ -139,20 +138,22 @@ def set_rest(buffer, geometry):
             buffer.open_rods[R.X1 : R.X3 + 1, slot] = np.concatenate([[2 * points[0] - points[1]], points, tail]).T
             padded = np.concatenate([frames[:1], frames, np.repeat(frames[-1:], wide * lanes - len(frames) - 1, axis=0)])
             buffer.open_rods[R.Q11 : R.Q33 + 1, slot] = padded.reshape(-1, 9).T
-    buffer.open_rods[R.Q11 : R.Q33 + 1, OPEN_SLOTS * lanes :] = np.eye(3).reshape(9, 1)
+    buffer.open_rods[R.Q11 : R.Q33 + 1, grid.open_slots * lanes :] = np.eye(3).reshape(9, 1)
     for row, values in zip(range(R.X1, R.X3 + 1), np.moveaxis(geometry.rings.points, -1, 0), strict=True):
         _set_ring(buffer, row, values)
-    for row, values in zip(range(R.Q11, R.Q33 + 1), np.moveaxis(geometry.rings.frames.reshape(-1, RING_NODES, 9), -1, 0), strict=True):
+    frames = geometry.rings.frames.reshape(grid.rings, grid.ring_nodes, 9)
+    for row, values in zip(range(R.Q11, R.Q33 + 1), np.moveaxis(frames, -1, 0), strict=True):
         _set_ring(buffer, row, values)
 
 
 def _set_ring(buffer, row, values, ghost=None):
-    """Write values (N, RING_NODES) into a row of the rings, with copies in the ghost lanes (or `ghost`) and the seam's slots."""
-    padded = np.empty((RING_NODES + 2, buffer.lanes))
-    inside = np.broadcast_to(values, (buffer.count, RING_NODES)).T
-    padded[1:-1, 1 : buffer.count + 1] = inside
+    """Write values (N, ring nodes) into a row of the rings, with copies in the ghost lanes (or `ghost`) and the seam's slots."""
+    grid = buffer.grid
+    padded = np.empty((grid.ring_slots, grid.lanes))
+    inside = np.broadcast_to(values, (grid.rings, grid.ring_nodes)).T
+    padded[1:-1, 1 : grid.rings + 1] = inside
     padded[1:-1, 0] = inside[:, 0] if ghost is None else ghost
-    padded[1:-1, buffer.count + 1 :] = inside[:, -1:] if ghost is None else ghost
+    padded[1:-1, grid.rings + 1 :] = inside[:, -1:] if ghost is None else ghost
     padded[0], padded[-1] = padded[-2], padded[1]
     buffer.rings[row, : padded.size] = padded.ravel()
 
@@ -257,8 +258,8 @@ def _fill_rings(buffer, arm, family, h, rate, floor):
 
 def _fill_connections(buffer, arm, geometry, h):
     sides, ring = straight_connections(arm, geometry), ring_connections(arm, geometry)
-    S, C = SpokeRow, CrossingRow
-    for letter, pairs in (("C", slice(0, 8)), ("N", slice(8, 16))):
+    S, C, grid = SpokeRow, CrossingRow, geometry.grid
+    for letter, pairs in (("C", slice(0, grid.spokes)), ("N", slice(grid.spokes, None))):
         for component in range(3):
             buffer.spoke(S[f"{letter}U1{component + 1}"])[:] = sides.direction1[pairs, :, component]
             buffer.spoke(S[f"{letter}U2{component + 1}"])[:] = sides.direction2[pairs, :, component]
@@ -272,11 +273,12 @@ def _fill_connections(buffer, arm, geometry, h):
     buffer.spoke(S.R_CONTACT)[:] = ring.muscle_contact
     buffer.spoke(S.R_NEXT)[:, :-1] = ring.ring_spring
     buffer.spoke(S.R_EFFECTIVE)[:] = 0.75 * h * h * ring.muscle_contact * (1 / ring_mass + 1 / muscle_mass)
-    helix_mass = geometry.oblique.node_mass[:, ::2]
+    helix_mass = geometry.oblique.node_mass[:, :: grid.helix_nodes]
     buffer.crossing(C.SPRING)[:] = ring.oblique_spring
     for row in (C.CONTACT, C.P_CONTACT, C.N_CONTACT):
         buffer.crossing(row)[:] = ring.oblique_contact
     # The first ring's lower helix neighbour, and the last ring's upper one, do not exist.
-    buffer.crossing(C.N_CONTACT)[:4, 0] = buffer.crossing(C.P_CONTACT)[4:, 0] = 0.0
-    buffer.crossing(C.P_CONTACT)[:4, -1] = buffer.crossing(C.N_CONTACT)[4:, -1] = 0.0
+    half = grid.helices // 2
+    buffer.crossing(C.N_CONTACT)[:half, 0] = buffer.crossing(C.P_CONTACT)[half:, 0] = 0.0
+    buffer.crossing(C.P_CONTACT)[:half, -1] = buffer.crossing(C.N_CONTACT)[half:, -1] = 0.0
     buffer.crossing(C.EFFECTIVE)[:] = 0.75 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)

@@ -1,6 +1,6 @@
 """Connections of rings and oblique helices: a spring from surface to surface at each crossing, and contact with the nodes around it.
 
-The two even nodes h of a helix and q of a ring that meet are joined along the ring's outward direction; h pushes on q, and the helix nodes
+The nodes h of a helix and q of a ring that meet are joined along the ring's outward direction; h pushes on q, and the helix nodes
 on either side of h on the two ring nodes on the same side of q (Hertz contact, power 3/2, softened for the step). Which helix node is on
 which side depends on the hand and stands in the tables of indices, as does everything else that is irregular: the arithmetic itself runs
 over consecutive numbers. Laws of Tekinalp et al. (2024, SI).
@@ -10,47 +10,47 @@ import numpy as np
 
 from .assembly_joint_kernels import spoke_offsets
 from .assembly_kernels import family_offsets
-from .assembly_layout import CROSSING_SLOTS, SPOKE_SLOTS, CrossingRow, SpokeRow, stride_of
+from .assembly_layout import CrossingRow, SpokeRow, stride_of
 from .compiler import kernel
 
 ONE = np.uint64(1)
 RING_PLACES, HELIX_PLACES = "ABSDEO", "PHN"
 
 
-def crossing_offsets(lanes):
+def crossing_offsets(grid):
     """Unsigned offsets of the crossings' rows in the one buffer."""
-    start = int(spoke_offsets(lanes)["S1"]) + len(SpokeRow) * stride_of(SPOKE_SLOTS, lanes)
-    stride = stride_of(CROSSING_SLOTS, lanes)
+    start = int(spoke_offsets(grid)["S1"]) + len(SpokeRow) * stride_of(grid.spoke_slots, grid.lanes)
+    stride = stride_of(grid.helices, grid.lanes)
     return {row.name: np.uint64(start + row * stride) for row in CrossingRow}
 
 
-def buffer_size(lanes):
+def buffer_size(grid):
     """Numbers in the one buffer of an assembly."""
-    return int(crossing_offsets(lanes)["A1"]) + len(CrossingRow) * stride_of(CROSSING_SLOTS, lanes)
+    return int(crossing_offsets(grid)["A1"]) + len(CrossingRow) * stride_of(grid.helices, grid.lanes)
 
 
-def crossing_kernels(lanes, count):
+def crossing_kernels(grid):
     """Compile gathering, forces and scattering of the crossings.
 
     Returns
     -------
     gather, connect, scatter : compiled functions
-        ``gather(buffer, ring_index, helix_index)`` with (6, 8 * lanes) and (3, 8 * lanes) uint64 indices within a row of the places
-        `RING_PLACES` and `HELIX_PLACES`; ``connect(buffer)``; ``scatter(buffer, ring_index, helix_index)``.
+        ``gather(buffer, ring_index, helix_index)`` with (6, helices * lanes) and (3, helices * lanes) uint64 indices within a row of the
+        places `RING_PLACES` and `HELIX_PLACES`; ``connect(buffer)``; ``scatter(buffer, ring_index, helix_index)``.
     """
-    o, g, c = family_offsets(lanes, False), family_offsets(lanes, True), crossing_offsets(lanes)
-    L, last = np.uint64(lanes), np.uint64(count + 1)
+    o, g, c = family_offsets(grid, False), family_offsets(grid, True), crossing_offsets(grid)
+    L, last, helices = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices
     X1, X2, X3, RADIUS = (g[k] for k in ("X1", "X2", "X3", "RADIUS"))
     HX1, HX2, HX3, HRADIUS = (o[k] for k in ("X1", "X2", "X3", "RADIUS"))
     ring_rows = tuple(c[f"{place}1"] for place in RING_PLACES)
     ring_radius = tuple(c[f"{place}_RADIUS"] for place in RING_PLACES if place != "O")
     helix_rows = tuple(c[f"{place}1"] for place in HELIX_PLACES)
     helix_radius = tuple(c[f"{place}_RADIUS"] for place in HELIX_PLACES)
-    row = np.uint64(stride_of(CROSSING_SLOTS, lanes))
+    row = np.uint64(stride_of(helices, grid.lanes))
 
     @kernel
     def fetch(b, index, x1, x2, x3, target):
-        for j in range(CROSSING_SLOTS):
+        for j in range(helices):
             for i in range(ONE, last):
                 k = np.uint64(j) * L + i
                 source = index[k]
@@ -60,7 +60,7 @@ def crossing_kernels(lanes, count):
 
     @kernel
     def fetch_radius(b, index, radius, target):
-        for j in range(CROSSING_SLOTS):
+        for j in range(helices):
             for i in range(ONE, last):
                 k = np.uint64(j) * L + i
                 b[target + k] = b[radius + index[k]]
@@ -107,7 +107,7 @@ def crossing_kernels(lanes, count):
 
     @kernel
     def connect(b):
-        for j in range(CROSSING_SLOTS):
+        for j in range(helices):
             start = np.uint64(j) * L
             for k in range(start + ONE, start + last):
                 s1, s2, s3 = b[S1 + k], b[S2 + k], b[S3 + k]
@@ -149,7 +149,7 @@ def crossing_kernels(lanes, count):
 
     @kernel
     def give(b, index, source, f1, f2, f3):
-        for j in range(CROSSING_SLOTS):
+        for j in range(helices):
             for i in range(ONE, last):
                 k = np.uint64(j) * L + i
                 target = index[k]

@@ -1,12 +1,13 @@
-"""Geometry and constants of the assembly: 1 + 8 straight rods, rings and oblique helices, as functions of an `Arm`.
+"""Geometry and constants of the assembly: straight rods, rings and oblique helices, as functions of an `Arm` and an `AssemblyGrid`.
 
 Number of rings N: as many as touch when stacked along the arm. Straight rods have N elements, ring i lies in the middle of element i, a
-helix has two nodes per ring, of which the even one lies in the ring's plane at one of its nodes. All lengths m, masses kg, forces N.
+helix has two nodes (or a higher even number) per ring, of which the first lies in the ring's plane at one of its nodes. All lengths m,
+masses kg, forces N.
 
     nerve cord    straight, rod 0
-    longitudinal  straight rods 1..8, inclined towards the axis so that they touch the cord everywhere
-    rings         `RING_NODES` elements, closed
-    oblique       helices 0..3 left-handed, 4..7 right-handed, a quarter turn apart
+    longitudinal  straight rods 1.., the spokes, inclined towards the axis so that they touch the cord everywhere
+    rings         closed
+    oblique       helices, the first half left-handed, the others right-handed, evenly spaced
 
 References
 ----------
@@ -15,15 +16,13 @@ those of the authors' published model.
 """
 
 from dataclasses import dataclass
-from math import atan, cos, pi, sin, tau
+from math import atan, cos, pi, sin, sqrt, tau
 
 import numpy as np
 
+from .assembly_layout import AssemblyGrid
 from .errors import OctoctrlError
 
-RING_NODES = 40
-SPOKES = 8
-SPOKE = RING_NODES // SPOKES
 SHEAR_COEFFICIENT = 4 / 3
 STRAIGHT_SPRING, STRAIGHT_CONTACT = 0.166, 2.0
 RING_RING_SPRING = 0.241
@@ -99,20 +98,19 @@ class AssemblyGeometry:
 
     Attributes
     ----------
-    count : int
-        N, rings and elements of a straight rod.
+    grid : AssemblyGrid
     spacing : float, m
         Distance of the rings.
     inclination : float, rad
         Of the longitudinal muscles towards the axis.
     straight, rings, oblique : RodFamily
-    oblique_nodes : (8, N) int
-        Ring node at which helix j meets ring i, with its node 2 i.
-    oblique_edges : (2 N,) float64, m
+    oblique_nodes : (helices, N) int
+        Ring node at which helix j meets ring i.
+    oblique_edges : (helix nodes,) float64, m
         Heights of the helices' nodes, which bound the cells of their activation.
     """
 
-    count: int
+    grid: AssemblyGrid
     spacing: float
     inclination: float
     straight: RodFamily
@@ -127,36 +125,47 @@ class AssemblyGeometry:
         return sum(family.radius.size for family in (self.straight, self.rings, self.oblique))
 
 
-def assembly_geometry(arm):
-    """Build the rods of `arm`.
+def published_grid(arm):
+    """The grid of the source: rings that touch each other, of 40 nodes.
+
+    Raises
+    ------
+    OctoctrlError
+        If the arm's length is no whole number of rings.
+    """
+    count = round(arm.length / (2 * arm.ring_radius))
+    if count < 8 or abs(count * 2 * arm.ring_radius / arm.length - 1) > 1e-9:
+        raise OctoctrlError(f"ring_radius={arm.ring_radius:g} m: the arm's length must be a whole number (at least 8) of ring thicknesses")
+    return AssemblyGrid(rings=count)
+
+
+def assembly_geometry(arm, grid=None):
+    """Build the rods of `arm` on `grid`, by default on the published one.
 
     Raises
     ------
     OctoctrlError
         If ring thickness or pitch of the helices do not fit the grid of rings and ring nodes.
     """
-    count = round(arm.length / (2 * arm.ring_radius))
-    if count < 8 or abs(count * 2 * arm.ring_radius / arm.length - 1) > 1e-9:
-        raise OctoctrlError(f"ring_radius={arm.ring_radius:g} m: the arm's length must be a whole number (at least 8) of ring thicknesses")
-    spacing = arm.length / count
-    turn = RING_NODES * spacing / arm.oblique_pitch
+    grid = published_grid(arm) if grid is None else grid
+    spacing = arm.length / grid.rings
+    turn = grid.ring_nodes * spacing / arm.oblique_pitch
     step = round(turn)
     if step < 1 or abs(turn - step) > 1e-9:
         raise OctoctrlError(
-            f"oblique_pitch={arm.oblique_pitch:g} m: an oblique fibre must advance by a whole number of ring nodes (1/{RING_NODES} turn) "
-            f"per ring; the nearest pitch is {RING_NODES * spacing / max(step, 1):.6g} m"
+            f"oblique_pitch={arm.oblique_pitch:g} m: an oblique fibre must advance by a whole number of ring nodes "
+            f"(1/{grid.ring_nodes} turn) per ring; the nearest pitch is {grid.ring_nodes * spacing / max(step, 1):.6g} m"
         )
-    outline = np.linspace(1.0, 1 / arm.taper, count)
-    base = arm.section(0.0)
-    cord, muscle = float(base.cord_radius), float(base.muscle_radius)
-    straight, inclination = _straight_rods(arm, count, cord, muscle, outline)
+    outline = np.linspace(1.0, 1 / arm.taper, grid.rings)
+    cord, muscle = _touching_radii(arm, grid.spokes)
+    straight, inclination = _straight_rods(arm, grid, cord, muscle, outline)
     layer = straight.radius[0] + 2 * straight.radius[1] + arm.ring_radius
     heights = straight.centres[0, :, 1]
-    rings = _rings(arm, heights, layer)
+    rings = _rings(arm, grid, heights, layer)
     fibre = arm.oblique_radius * outline
-    oblique, nodes, edges = _helices(arm, count, spacing, step, layer + arm.ring_radius + fibre, fibre)
+    oblique, nodes, edges = _helices(arm, grid, spacing, step, layer + arm.ring_radius + fibre, fibre)
     return AssemblyGeometry(
-        count=count,
+        grid=grid,
         spacing=spacing,
         inclination=inclination,
         straight=straight,
@@ -167,31 +176,39 @@ def assembly_geometry(arm):
     )
 
 
-def _straight_rods(arm, count, cord, muscle, outline):
+def _touching_radii(arm, spokes):
+    """Radii of the cord and of the muscles around it, which touch it and each other, at the base."""
+    touching = sin(pi / spokes) / (1 - sin(pi / spokes))
+    cord = arm.base_radius * sqrt(arm.straight_fraction / (1 + spokes * touching**2))
+    return cord, touching * cord
+
+
+def _straight_rods(arm, grid, cord, muscle, outline):
+    count, rods = grid.rings, grid.straight_rods
     offset = cord + muscle
     narrowing = offset * (1 - 1 / arm.taper)
     inclination = atan(narrowing / arm.length)
     share = np.linspace(0.0, 1.0, count + 1)
-    points, frames = np.zeros((9, count + 1, 3)), np.empty((9, count, 3, 3))
+    points, frames = np.zeros((rods, count + 1, 3)), np.empty((rods, count, 3, 3))
     points[0, :, 1] = arm.length * share
     frames[0] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
-    for number in range(8):
-        angle = number * pi / 4
+    for number in range(grid.spokes):
+        angle = number * tau / grid.spokes
         outward, around = np.array([cos(angle), 0.0, sin(angle)]), np.array([-sin(angle), 0.0, cos(angle)])
         along = cos(inclination) * np.array([0.0, 1.0, 0.0]) - sin(inclination) * outward
         points[number + 1] = offset * outward + (arm.length / cos(inclination) * share)[:, None] * along
         frames[number + 1] = [around, np.cross(along, around), along]
     centres = (points[:, 1:] + points[:, :-1]) / 2
-    radius = np.empty((9, count))
+    radius = np.empty((rods, count))
     radius[0] = cord * outline
     radius[1:] = np.linalg.norm(centres[1:] - centres[0], axis=2) - radius[0]
-    density = np.array([arm.densities[0]] + 8 * [arm.densities[1]])
+    density = np.array([arm.densities[0]] + grid.spokes * [arm.densities[1]])
     return RodFamily(points=points, frames=frames, radius=radius, density=density), inclination
 
 
-def _rings(arm, heights, layer):
-    angle = tau * np.arange(RING_NODES) / RING_NODES
-    points = np.empty((heights.size, RING_NODES, 3))
+def _rings(arm, grid, heights, layer):
+    angle = tau * np.arange(grid.ring_nodes) / grid.ring_nodes
+    points = np.empty((heights.size, grid.ring_nodes, 3))
     points[..., 0], points[..., 2] = layer[:, None] * np.cos(angle), layer[:, None] * np.sin(angle)
     points[..., 1] = heights[:, None]
     frames = _frames_of(np.roll(points, -1, axis=1) - points, np.array([0.0, -1.0, 0.0]))
@@ -199,24 +216,24 @@ def _rings(arm, heights, layer):
     return RodFamily(points=points, frames=frames, radius=radius, density=np.full(heights.size, arm.densities[2]), closed=True)
 
 
-def _helices(arm, count, spacing, step, path, fibre):
-    node = np.arange(2 * count)
-    heights = spacing / 2 * (1 + node)
-    angle = tau * step / (2 * RING_NODES) * node
-    at_node = np.repeat(path, 2)
-    points = np.empty((8, 2 * count, 3))
-    for number in range(8):
-        azimuth = (angle if number < 4 else -angle) + number * pi / 2
+def _helices(arm, grid, spacing, step, path, fibre):
+    count, per_ring, helices, half = grid.rings, grid.helix_nodes, grid.helices, grid.helices // 2
+    node = np.arange(grid.helix_elements + 1)
+    heights = spacing / per_ring * (per_ring / 2 + node)
+    angle = tau * step / (per_ring * grid.ring_nodes) * node
+    at_node = path[node // per_ring]
+    points = np.empty((helices, node.size, 3))
+    for number in range(helices):
+        azimuth = (angle if number < half else -angle) + number * tau / half
         points[number] = np.stack([at_node * np.cos(azimuth), heights, at_node * np.sin(azimuth)], axis=1)
     edges = np.diff(points, axis=1)
     frames = _frames_of(edges, np.cross([0.0, 1.0, 0.0], edges))
-    radius = np.empty(2 * count - 1)
-    radius[::2], radius[1::2] = fibre, (fibre[1:] + fibre[:-1]) / 2
-    ring = step * np.arange(count)
-    quarter = RING_NODES // 4 * np.arange(8)[:, None]
-    nodes = np.where(np.arange(8)[:, None] < 4, ring, -ring) + quarter
-    family = RodFamily(points=points, frames=frames, radius=np.tile(radius, (8, 1)), density=np.full(8, arm.densities[3]))
-    return family, nodes % RING_NODES, heights
+    before, share = node[:-1] // per_ring, node[:-1] % per_ring / per_ring
+    radius = (1 - share) * fibre[before] + share * fibre[np.minimum(before + 1, count - 1)]
+    ring, number = step * np.arange(count), np.arange(helices)[:, None]
+    nodes = np.where(number < half, ring, -ring) + grid.ring_nodes // half * number
+    family = RodFamily(points=points, frames=frames, radius=np.tile(radius, (helices, 1)), density=np.full(helices, arm.densities[3]))
+    return family, nodes % grid.ring_nodes, heights
 
 
 def _frames_of(edges, first):
@@ -280,9 +297,9 @@ class StraightConnections:
 
 
 def straight_connections(arm, geometry):
-    """Connections of the cord with each longitudinal muscle (first eight), and of these with their neighbours."""
-    first = np.array(8 * [0] + list(range(1, 9)))
-    second = np.array([*range(1, 9), *range(2, 9), 1])
+    """Connections of the cord with each longitudinal muscle (first half), and of these with their neighbours."""
+    muscles = np.arange(1, geometry.grid.straight_rods)
+    first, second = np.concatenate([0 * muscles, muscles]), np.concatenate([muscles, np.roll(muscles, -1)])
     rods = geometry.straight
     between = rods.centres[second] - rods.centres[first]
     distance = np.linalg.norm(between, axis=2)
@@ -335,12 +352,12 @@ def ring_connections(arm, geometry):
     element = geometry.rings.length[:, 0]
     perimeter = geometry.rings.length.sum(axis=1)
     muscle = 2 * thick * perimeter * modulus / (thick + geometry.straight.radius[1]) * RING_MUSCLE_SPRING
-    oblique = 2 * thick * element * modulus / (thick + geometry.oblique.radius[0, ::2]) * RING_OBLIQUE_SPRING
+    oblique = 2 * thick * element * modulus / (thick + geometry.oblique.radius[0, :: geometry.grid.helix_nodes]) * RING_OBLIQUE_SPRING
     return RingConnections(
         muscle_spring=muscle,
         muscle_torque=perimeter / 2 * modulus * RING_MUSCLE_TORQUE,
         muscle_contact=RING_MUSCLE_CONTACT * muscle * ROOT_MILLIMETRE,
-        ring_spring=2 * thick * element[1:] * SPOKE * modulus / geometry.spacing * RING_RING_SPRING,
+        ring_spring=2 * thick * element[1:] * geometry.grid.spoke_pitch * modulus / geometry.spacing * RING_RING_SPRING,
         oblique_spring=oblique,
         oblique_contact=RING_OBLIQUE_CONTACT * oblique * ROOT_MILLIMETRE,
     )

@@ -1,10 +1,11 @@
 """Connections at the longitudinal muscles: cord, neighbours, rings, and the intramuscular pressure that they make.
 
-All eight connections of a cross-section are computed lane by lane (one lane per ring and longitudinal element) from copies of the nodes in
+All connections of a cross-section are computed lane by lane (one lane per ring and longitudinal element) from copies of the nodes in
 the spokes' buffer, so that every loop runs over consecutive numbers; results go to rows of their own and are summed afterwards.
 
     side by side   spring between material points on the two surfaces (force at its lever arm), contact in the power 3/2
-    ring to muscle spring of the muscle's outer surface to the ring's inner surface, orientation lock, contact with nine ring nodes
+    ring to muscle spring of the muscle's outer surface to the ring's inner surface, orientation lock, contact with the ring nodes
+                   from spoke to spoke
     ring to ring   spring to the place that the ring's own plane and the muscles' taper assign to the next ring's node
     pressure       what of the squeeze on an element cancels, (|sum of normal forces| - |sum of force vectors|) / (2 pi r l),
                    pushes along the muscle on its section
@@ -17,25 +18,26 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from .assembly_geometry import RING_NODES, SPOKE, SPOKES
 from .assembly_kernels import family_offsets
-from .assembly_layout import OPEN_SLOTS, RING_SLOTS, SPOKE_SLOTS, AssemblyRow, SpokeRow, stride_of
+from .assembly_layout import AssemblyRow, SpokeRow, stride_of
 from .compiler import kernel
 
 ONE = np.uint64(1)
 
 
-def spoke_offsets(lanes):
+def spoke_offsets(grid):
     """Unsigned offsets of the spokes' rows in the one buffer."""
-    start = len(AssemblyRow) * (stride_of(OPEN_SLOTS, lanes) + stride_of(RING_SLOTS, lanes))
-    stride = stride_of(SPOKE_SLOTS, lanes)
+    start = len(AssemblyRow) * (stride_of(grid.open_slots, grid.lanes) + stride_of(grid.ring_slots, grid.lanes))
+    stride = stride_of(grid.spoke_slots, grid.lanes)
     return {row.name: np.uint64(start + row * stride) for row in SpokeRow}
 
 
-def gather_kernel(lanes):
+def gather_kernel(grid):
     """Compile the copying of what the spokes need, with the directions of the cord's connections."""
-    o, g, s = family_offsets(lanes, False), family_offsets(lanes, True), spoke_offsets(lanes)
-    width = np.uint64(lanes)
+    o, g, s = family_offsets(grid, False), family_offsets(grid, True), spoke_offsets(grid)
+    width = np.uint64(grid.lanes)
+    slots, first, spokes, pitch, ring_nodes = grid.spoke_slots, grid.first_spoke, grid.spokes, grid.spoke_pitch, grid.ring_nodes
+    behind = first + spokes
     ring_from = tuple(g[name] for name in ("X1", "X2", "X3", "RADIUS"))
     ring_to = tuple(s[name] for name in ("S1", "S2", "S3", "RING_RADIUS"))
     names = ("Q11", "Q12", "Q13", "Q21", "Q22", "Q23", "Q31", "Q32", "Q33", "RADIUS")
@@ -53,12 +55,12 @@ def gather_kernel(lanes):
 
     @kernel
     def gather(b):
-        for slot in range(SPOKE_SLOTS):
-            node = np.uint64((SPOKE * (slot - 2)) % RING_NODES + 1)
+        for slot in range(slots):
+            node = np.uint64((pitch * (slot - first)) % ring_nodes + 1)
             for row in range(4):
                 copy(b, ring_from[row] + node * width, ring_to[row] + np.uint64(slot) * width)
-        for slot in range(2, 11):
-            rod, here = np.uint64((slot - 2) % SPOKES + 1) * width, np.uint64(slot) * width
+        for slot in range(first, behind + 1):
+            rod, here = np.uint64((slot - first) % spokes + 1) * width, np.uint64(slot) * width
             for row in range(10):
                 copy(b, rod_from[row] + rod, rod_to[row] + here)
             for row in range(3):
@@ -68,7 +70,7 @@ def gather_kernel(lanes):
                     b[M[row] + here + i] = 0.5 * (end + start)
             for i in range(width):
                 b[UNROOT + here + i] = 1 / np.sqrt(b[STRETCH + rod + i])
-        for slot in range(2, 10):
+        for slot in range(first, behind):
             here = np.uint64(slot) * width
             for row in range(3):
                 for i in range(width):
@@ -83,12 +85,12 @@ def gather_kernel(lanes):
     return gather
 
 
-def joint_kernels(lanes, inclination):
+def joint_kernels(grid, inclination):
     """Compile the connections of the spokes.
 
     Parameters
     ----------
-    lanes : int
+    grid : AssemblyGrid
     inclination : float, rad
         Of the longitudinal muscles.
 
@@ -97,10 +99,10 @@ def joint_kernels(lanes, inclination):
     cord, neighbours, ring_muscle, ring_ring : compiled functions
         Of the buffer alone; they fill the result rows of the spokes.
     """
-    s = spoke_offsets(lanes)
-    L = np.uint64(lanes)
-    begin, end = np.uint64(2 * lanes), np.uint64(10 * lanes)
-    quarter, half = np.uint64(2 * lanes), np.uint64(4 * lanes)
+    s = spoke_offsets(grid)
+    L = np.uint64(grid.lanes)
+    begin, end = np.uint64(grid.first_spoke * grid.lanes), np.uint64((grid.first_spoke + grid.spokes) * grid.lanes)
+    quarter, half = np.uint64(grid.spokes // 4 * grid.lanes), np.uint64(grid.spokes // 2 * grid.lanes)
     lean_cosine, lean_sine = cos(inclination), sin(inclination)
     S1, S2, S3, M1, M2, M3, D1, D2, D3, A1, A2, A3, U1, U2, U3 = (s[f"{f}{i}"] for f in "SMDAU" for i in (1, 2, 3))
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (s[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
@@ -262,7 +264,7 @@ def joint_kernels(lanes, inclination):
     return cord, neighbours, ring_muscle, ring_ring
 
 
-def scatter_kernels(lanes, count):
+def scatter_kernels(grid):
     """Compile the sums of the spokes' results on the rods, and the contact of muscles with ring nodes beside the spokes.
 
     Returns
@@ -270,8 +272,11 @@ def scatter_kernels(lanes, count):
     beside, scatter : compiled functions
         ``beside(buffer)`` adds contacts, ``scatter(buffer, water)`` sums all up; `water` is (normal, tangential) drag, kg/m^3.
     """
-    o, g, s = family_offsets(lanes, False), family_offsets(lanes, True), spoke_offsets(lanes)
-    L, last = np.uint64(lanes), np.uint64(count + 1)
+    o, g, s = family_offsets(grid, False), family_offsets(grid, True), spoke_offsets(grid)
+    L, last = np.uint64(grid.lanes), np.uint64(grid.rings + 1)
+    spokes, pitch, ring_nodes, slot = grid.spokes, grid.spoke_pitch, grid.ring_nodes, grid.first_spoke
+    first, seam = np.uint64(slot * grid.lanes), np.uint64((slot + spokes) * grid.lanes)
+    straight = np.uint64(grid.straight_rods)
     X1, X2, X3, THICK = (g[k] for k in ("X1", "X2", "X3", "RADIUS"))
     RF1, RF2, RF3, RC1, RC2, RC3 = (g[k] for k in ("F1", "F2", "F3", "C1", "C2", "C3"))
     V1, V2, V3, D1, D2, D3, N1, N2, N3 = (o[f"{f}{i}"] for f in "VTN" for i in (1, 2, 3))
@@ -284,7 +289,6 @@ def scatter_kernels(lanes, count):
     F1, F2, F3, T1, T2, T3, SUM, G1, G2, G3 = (s[k] for k in names)
     own, other, of_cord = (tuple(s[f"{k}{suffix}"] for k in names) for suffix in ("", "_N", "_C"))
     F1_R, F2_R, F3_R, T1_R, T2_R, T3_R, F1_X, F2_X, F3_X = (s[k] for k in "F1_R F2_R F3_R T1_R T2_R T3_R F1_X F2_X F3_X".split())
-    REACH = SPOKE - 1
 
     @kernel
     def touching(b, muscle, ring):
@@ -297,10 +301,10 @@ def scatter_kernels(lanes, count):
 
     @kernel
     def beside(b):
-        for m in range(SPOKES):
-            muscle = np.uint64(m + 2) * L
-            for away in range(-REACH, REACH + 1):
-                ring = np.uint64((SPOKE * m + away) % RING_NODES + 1) * L
+        for m in range(spokes):
+            muscle = np.uint64(m + slot) * L
+            for away in range(1 - pitch, pitch):
+                ring = np.uint64((pitch * m + away) % ring_nodes + 1) * L
                 if away == 0 or touching(b, muscle, ring) == 0:
                     continue
                 for i in range(ONE, last):
@@ -325,20 +329,19 @@ def scatter_kernels(lanes, count):
 
     @kernel
     def scatter(b, normal_drag, tangent_drag):
-        # Results on the neighbours of muscle 8 belong to muscle 1; those on the cord are summed into slot 1.
-        seam, first = np.uint64(10) * L, np.uint64(2) * L
+        # Results on the neighbours of the last muscle belong to the first; those on the cord are summed into the slot before.
         for row in range(10):
             for i in range(L):
                 b[own[row] + first + i] += b[other[row] + seam + i]
-            for k in range(np.uint64(3) * L, seam):
+            for k in range(first + L, seam):
                 b[own[row] + k] += b[other[row] + k]
             for i in range(L):
                 total = 0.0
-                for m in range(np.uint64(2), np.uint64(10)):
-                    total += b[of_cord[row] + m * L + i]
-                b[own[row] + L + i] = total
-        for k in range(L * np.uint64(9)):
-            n = k + L
+                for m in range(np.uint64(spokes)):
+                    total += b[of_cord[row] + first + m * L + i]
+                b[own[row] + first - L + i] = total
+        for k in range(L * straight):
+            n = k + first - L
             radius, length = b[LRADIUS + k], b[STRETCH + k] * b[LENGTH + k]
             squeeze = abs(b[SUM + n]) - np.sqrt(b[G1 + n] ** 2 + b[G2 + n] ** 2 + b[G3 + n] ** 2)
             push = 0.5 * radius / length * squeeze
@@ -356,15 +359,15 @@ def scatter_kernels(lanes, count):
             b[E2 + k] = 0.5 * (b[F2 + n] - across * h2 - slide * t2)
             b[E3 + k] = 0.5 * (b[F3 + n] - across * h3 - slide * t3)
             b[LC1 + k], b[LC2 + k], b[LC3 + k] = b[T1 + n], b[T2 + n], b[T3 + n]
-        for rod in range(np.uint64(9)):
+        for rod in range(straight):
             base = rod * L
             b[E1 + base], b[E2 + base], b[E3 + base] = 0.0, 0.0, 0.0
             n = base + last
             b[E1 + n], b[E2 + n], b[E3 + n] = 0.0, 0.0, 0.0
             for k in range(base + ONE, n + ONE):
                 b[LF1 + k], b[LF2 + k], b[LF3 + k] = b[E1 + k] + b[E1 + k - ONE], b[E2 + k] + b[E2 + k - ONE], b[E3 + k] + b[E3 + k - ONE]
-        for m in range(SPOKES):
-            ring, spoke = np.uint64(SPOKE * m + 1) * L, np.uint64(m + 2) * L
+        for m in range(spokes):
+            ring, spoke = np.uint64(pitch * m + 1) * L, np.uint64(m + slot) * L
             for i in range(ONE, last):
                 r, k = ring + i, spoke + i
                 b[RF1 + r] += b[F1_R + k] - b[F1_X + k] + b[F1_X + k - ONE]

@@ -19,7 +19,7 @@ lanes for rings.
 
 import numpy as np
 
-from .assembly_layout import OPEN_SLOTS, RING_SLOTS, AssemblyRow, stride_of
+from .assembly_layout import AssemblyRow, stride_of
 from .compiler import kernel
 from .muscle_kernels import hill_secant, isometric_stress, passive_stress
 from .rod_kernels import angle_over_sine
@@ -41,20 +41,19 @@ def passive_tangent(law, s):
     return max(total, law.compression)
 
 
-def family_offsets(lanes, rings):
+def family_offsets(grid, rings):
     """Unsigned offsets of the rows of the open rods or of the rings in the one buffer."""
-    open_stride = stride_of(OPEN_SLOTS, lanes)
-    start, stride = (len(AssemblyRow) * open_stride, stride_of(RING_SLOTS, lanes)) if rings else (0, open_stride)
+    open_stride = stride_of(grid.open_slots, grid.lanes)
+    start, stride = (len(AssemblyRow) * open_stride, stride_of(grid.ring_slots, grid.lanes)) if rings else (0, open_stride)
     return {row.name: np.uint64(start + row * stride) for row in AssemblyRow}
 
 
-def family_kernels(lanes, rings):
+def family_kernels(grid, rings):
     """Compile the kernels of one family of rods.
 
     Parameters
     ----------
-    lanes : int
-        Numbers per slot.
+    grid : AssemblyGrid
     rings : bool
         Whether the family is the rings, or the open rods.
 
@@ -63,8 +62,8 @@ def family_kernels(lanes, rings):
     dict of str to compiled function
         ``drift, strain, bend, kick, spin, axial, correct`` take ``(buffer, first, last, ...)``, indices within a row.
     """
-    o = family_offsets(lanes, rings)
-    step = np.uint64(lanes if rings else 1)
+    o = family_offsets(grid, rings)
+    step = np.uint64(grid.lanes if rings else 1)
     X1, X2, X3, V1, V2, V3 = (o[name] for name in ("X1", "X2", "X3", "V1", "V2", "V3"))
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     W1, W2, W3, T1, T2, T3, N1, N2, N3 = (o[f"{field}{i}"] for field in "WTN" for i in (1, 2, 3))
@@ -218,9 +217,9 @@ def family_kernels(lanes, rings):
     return {"drift": drift, "strain": strain, "bend": bend, "kick": kick, "spin": spin, "axial": axial, "correct": correct}
 
 
-def open_solver(lanes):
+def open_solver(grid):
     """Compile the tridiagonal solver of `rods` open rods of n elements side by side, the first in slot `slot`, each `wide` slots wide."""
-    o = family_offsets(lanes, False)
+    o, lanes = family_offsets(grid, False), grid.lanes
     SCALE, IMPULSE, CORRECTION = o["SCALE"], o["IMPULSE"], o["CORRECTION"]
 
     @kernel
@@ -252,9 +251,9 @@ def open_solver(lanes):
     return solve
 
 
-def ring_solver(lanes, nodes):
+def ring_solver(grid):
     """Compile the cyclic solver of all rings, and the copies of their seam."""
-    o = family_offsets(lanes, True)
+    o, lanes, nodes = family_offsets(grid, True), grid.lanes, grid.ring_nodes
     SCALE, IMPULSE, CORRECTION, CYCLE = o["SCALE"], o["IMPULSE"], o["CORRECTION"], o["RATE"]
     seam_before = tuple(o[name] for name in ("STRETCH", "T1", "T2", "T3", "N1", "N2", "N3"))
     width, end = np.uint64(lanes), np.uint64(nodes * lanes)
@@ -339,13 +338,13 @@ def ring_solver(lanes, nodes):
     return solve, close_state, close_strain, close_moment, close_speed
 
 
-def ring_spin_brake(lanes, nodes):
+def ring_spin_brake(grid):
     """Compile ``brake(buffer, share)``: take away a share of each ring element's spin relative to the mean spin of its ring.
 
     The orientation lock of ring and muscle turns ring elements with a couple that does not know their frame, which feeds a flutter of
     single elements. Damping against the ring's own mean, not the laboratory, leaves the twisting of the arm as it is.
     """
-    o = family_offsets(lanes, True)
+    o, lanes, nodes = family_offsets(grid, True), grid.lanes, grid.ring_nodes
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     W1, W2, W3, MEAN1, MEAN2, MEAN3 = (o[k] for k in ("W1", "W2", "W3", "SCALE", "IMPULSE", "CORRECTION"))
     width, last = np.uint64(lanes), np.uint64(nodes + 1)
@@ -375,16 +374,16 @@ def ring_spin_brake(lanes, nodes):
     return brake
 
 
-def cord_brake(lanes, spokes):
+def cord_brake(grid):
     """Compile ``brake(buffer, share, first, last)``: take away a share of each cord node's velocity relative to the muscles around it.
 
     Impulses are equal and opposite, so momentum stays. The cord has no water around it and nothing else that dissipates, and the pressure,
     which follows its axis, feeds a flutter of the buckled cord.
     """
-    o = family_offsets(lanes, False)
+    o = family_offsets(grid, False)
     MOBILITY, velocities = o["NODE_MOBILITY"], tuple(o[f"V{i}"] for i in (1, 2, 3))
-    width, stop = np.uint64(lanes), np.uint64((spokes + 1) * lanes)
-    part = 1 / spokes
+    width, stop = np.uint64(grid.lanes), np.uint64(grid.straight_rods * grid.lanes)
+    part = 1 / grid.spokes
 
     @kernel
     def brake(b, share, first, last):

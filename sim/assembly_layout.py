@@ -2,28 +2,106 @@
 
 Every buffer is rows of one float64 array with a stride known at compile time (see `octoctrl.sim.rod_layout` for why). Within a row:
 
-    straight rods + helices   ``slot * LANES + lane``        slots 0..8 the straight rods; helix j in slots 9 + 2 j and 10 + 2 j,
-                                                              lane of element e: e + 1, of node k: k + 1, ghosts around
-    rings                     ``(node + 1) * LANES + lane``  lane of ring i: i + 1, slots 0 and RING_NODES + 1 are ghost copies
-    spokes                    ``(m + 1) * LANES + lane``     scratch of the connections at the eight longitudinal muscles m = 1..8,
-                                                              with copies at m = -1, 0 and 9..12
-    crossings                 ``j * LANES + lane``           scratch of the connections of helix j with the rings
+    straight rods + helices   ``slot * lanes + lane``        cord and longitudinal muscles first, one slot each; then the helices, as many
+                                                              slots each as they have nodes per ring; lane of element e: e + 1, of
+                                                              node k: k + 1, ghosts around
+    rings                     ``(node + 1) * lanes + lane``  lane of ring i: i + 1, the first and the last slot are ghost copies
+    spokes                    ``slot * lanes + lane``        scratch of the connections at the longitudinal muscles, with copies of the last
+                                                              quarter turn before them and of the first half turn behind them
+    crossings                 ``j * lanes + lane``           scratch of the connections of helix j with the rings
 
-So the next element of an open rod is 1 away, the next element of all rings at once LANES away, and the same kernels serve both: what
-differs is a compile-time constant. Lanes are rings, and longitudinal elements stand in the lane of their ring.
+So the next element of an open rod is 1 away, the next element of all rings at once `lanes` away, and the same kernels serve both: what
+differs is a compile-time constant. Lanes are rings, and longitudinal elements stand in the lane of their ring. All counts are those of an
+`AssemblyGrid`, and every kernel of the assembly is compiled for one.
 """
 
+from dataclasses import dataclass
 from enum import auto
 
-from .assembly_geometry import RING_NODES
+from .errors import OctoctrlError
 from .rod_layout import _Row
 
-LANE_COUNTS = (64, 112, 192, 384)
 STATE_ROWS = 18
-OPEN_SLOTS = 9 + 2 * 8
-RING_SLOTS = RING_NODES + 2
-SPOKE_SLOTS = 14
-CROSSING_SLOTS = 8
+LARGEST_COUNT = 400
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AssemblyGrid:
+    """Counts of an assembly, from which all slots, strides and tables of indices follow.
+
+    Attributes
+    ----------
+    rings : int
+        N, number of rings and of elements of a straight rod.
+    ring_nodes : int
+        Nodes, and elements, of a ring.
+    spokes : int
+        Longitudinal muscles, evenly spaced; each meets a node of every ring.
+    helices : int
+        Oblique helices; the first half is left-handed.
+    helix_nodes : int
+        Nodes of a helix from one ring to the next.
+
+    Raises
+    ------
+    OctoctrlError
+        If opposite and quarter-turn places of a ring would not be nodes, or the counts do not divide.
+    """
+
+    rings: int
+    ring_nodes: int = 40
+    spokes: int = 8
+    helices: int = 8
+    helix_nodes: int = 2
+
+    def __post_init__(self):
+        for name, step in (("rings", 1), ("spokes", 4), ("helices", 2), ("helix_nodes", 2), ("ring_nodes", self.spokes)):
+            value = getattr(self, name)
+            least, most = (8, LARGEST_COUNT) if name == "rings" else (step, 96)
+            if not isinstance(value, int) or value % step or not least <= value <= most:
+                raise OctoctrlError(f"{name}={value}: a grid needs a multiple of {step} from {least} to {most}")
+        if self.ring_nodes % (self.helices // 2):
+            raise OctoctrlError(f"ring_nodes={self.ring_nodes}: a grid needs a multiple of the {self.helices // 2} helices of either hand")
+
+    @property
+    def lanes(self):
+        """Numbers per slot: all rings, room for ghosts, and a multiple of eight for the processor."""
+        return -(-(self.rings + 4) // 8) * 8
+
+    @property
+    def straight_rods(self):
+        """Nerve cord and longitudinal muscles."""
+        return 1 + self.spokes
+
+    @property
+    def spoke_pitch(self):
+        """Ring nodes from one longitudinal muscle to the next."""
+        return self.ring_nodes // self.spokes
+
+    @property
+    def helix_elements(self):
+        """Elements of a helix, which reaches from the first ring to half a spacing behind the last."""
+        return self.helix_nodes * self.rings - self.helix_nodes // 2
+
+    @property
+    def open_slots(self):
+        """Slots of the straight rods and helices."""
+        return self.straight_rods + self.helices * self.helix_nodes
+
+    @property
+    def ring_slots(self):
+        """Slots of the rings."""
+        return self.ring_nodes + 2
+
+    @property
+    def first_spoke(self):
+        """Slot of the first longitudinal muscle among the spokes."""
+        return self.spokes // 4
+
+    @property
+    def spoke_slots(self):
+        """Slots of the spokes."""
+        return self.first_spoke + self.spokes + self.spokes // 2
 
 
 class AssemblyRow(_Row):
@@ -82,14 +160,6 @@ class CrossingRow(_Row):
     # Forces on ring nodes and helix nodes.
     FA1, FA2, FA3, FB1, FB2, FB3, FS1, FS2, FS3, FD1, FD2, FD3, FE1, FE2, FE3 = (auto() for _ in range(15))
     FP1, FP2, FP3, FH1, FH2, FH3, FN1, FN2, FN3 = (auto() for _ in range(9))
-
-
-def lanes_for(count):
-    """The smallest supported number of lanes for `count` rings."""
-    for lanes in LANE_COUNTS:
-        if count + 4 <= lanes:
-            return lanes
-    raise ValueError(f"{count} rings: at most {LANE_COUNTS[-1] - 4} are supported")
 
 
 def stride_of(slots, lanes):

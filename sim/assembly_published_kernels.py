@@ -8,9 +8,7 @@ quarter of the negative second difference (Tekinalp et al. 2024, SI), so that it
 
 import numpy as np
 
-from .assembly_geometry import RING_NODES
 from .assembly_kernels import family_offsets
-from .assembly_layout import OPEN_SLOTS
 from .compiler import kernel
 from .muscle_kernels import isometric_stress, passive_stress
 
@@ -28,10 +26,10 @@ def published_factor(law, rate):
     return shortening if w > 0.0 else lengthening
 
 
-def published_strain(lanes, rings):
+def published_strain(grid, rings):
     """Compile ``strain(buffer, first, last, share, elastic, law)`` of one family; `elastic` is not used."""
-    o = family_offsets(lanes, rings)
-    step = np.uint64(lanes if rings else 1)
+    o = family_offsets(grid, rings)
+    step = np.uint64(grid.lanes if rings else 1)
     X1, X2, X3, V1, V2, V3 = (o[name] for name in ("X1", "X2", "X3", "V1", "V2", "V3"))
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     W1, W2, W3, T1, T2, T3, N1, N2, N3 = (o[f"{field}{i}"] for field in "WTN" for i in (1, 2, 3))
@@ -75,17 +73,17 @@ def published_strain(lanes, rings):
     return strain
 
 
-def velocity_filters(lanes):
+def velocity_filters(grid):
     """Compile ``smooth(buffer, first, last)``, the filter of all velocities and spins of the open rods (up to `last`) and the rings.
 
     Rows YIELD and RATE of the open rods hold one at inner nodes and inner elements, zero elsewhere.
     """
-    o, g = family_offsets(lanes, False), family_offsets(lanes, True)
+    o, g = family_offsets(grid, False), family_offsets(grid, True)
     speeds, spins = ("V1", "V2", "V3"), ("W1", "W2", "W3")
     open_rows = tuple(o[name] for name in speeds + spins)
     ring_rows = tuple(g[name] for name in speeds + spins)
     A, B, NODES, ELEMENTS, RING_A, RING_B = o["IMPULSE"], o["CORRECTION"], o["YIELD"], o["RATE"], g["IMPULSE"], g["CORRECTION"]
-    L, end = np.uint64(lanes), np.uint64(RING_NODES * lanes)
+    L, end, behind = np.uint64(grid.lanes), np.uint64(grid.ring_nodes * grid.lanes), np.uint64(grid.ring_nodes + 1)
 
     @kernel
     def once(b, source, target, mask, first, last):
@@ -94,7 +92,7 @@ def velocity_filters(lanes):
 
     @kernel
     def ring_once(b, source, target):
-        for node in range(ONE, np.uint64(RING_NODES + 1)):
+        for node in range(ONE, behind):
             base = node * L
             for i in range(L):
                 k = base + i
@@ -124,13 +122,13 @@ def velocity_filters(lanes):
     return smooth
 
 
-def published_drag(lanes):
+def published_drag(grid):
     """Compile ``brake(buffer, oblique_rate, ring_rate)``: linear drag of helices and rings on the elements' mean velocity and spin.
 
     Force -c l v with c = density * area * rate and l the present length, half on either node, so that a zigzag of the nodes is not felt;
     torque -c l w times `SPIN_ARM` squared. Adds to the nodes' forces F and to TORQUE.
     """
-    o, g = family_offsets(lanes, False), family_offsets(lanes, True)
+    o, g, lanes = family_offsets(grid, False), family_offsets(grid, True), grid.lanes
 
     def braking(table, step):
         V1, V2, V3, W1, W2, W3, F1, F2, F3 = (table[f"{field}{i}"] for field in "VWF" for i in (1, 2, 3))
@@ -164,8 +162,8 @@ def published_drag(lanes):
     open_elements, open_nodes = braking(o, ONE)
     ring_elements, ring_nodes = braking(g, np.uint64(lanes))
     ring_rows = tuple(g[k] for k in ("SCALE", "IMPULSE", "CORRECTION"))
-    helix, helix_end = np.uint64(9 * lanes), np.uint64(OPEN_SLOTS * lanes - 1)
-    L, ring_end, seam = np.uint64(lanes), np.uint64((RING_NODES + 1) * lanes), np.uint64(RING_NODES * lanes)
+    helix, helix_end = np.uint64(grid.straight_rods * lanes), np.uint64(grid.open_slots * lanes - 1)
+    L, ring_end, seam = np.uint64(lanes), np.uint64((grid.ring_nodes + 1) * lanes), np.uint64(grid.ring_nodes * lanes)
 
     @kernel
     def brake(b, oblique_rate, ring_rate):

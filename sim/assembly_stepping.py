@@ -8,10 +8,8 @@ bad one.
 import numpy as np
 
 from .assembly_crossing_kernels import crossing_kernels
-from .assembly_geometry import RING_NODES, SPOKES
 from .assembly_joint_kernels import gather_kernel, joint_kernels, scatter_kernels
 from .assembly_kernels import cord_brake, family_kernels, family_offsets, open_solver, ring_solver, ring_spin_brake
-from .assembly_layout import OPEN_SLOTS
 from .assembly_published_kernels import published_drag, published_strain, velocity_filters
 from .compiler import kernel
 
@@ -30,12 +28,12 @@ SPEED_LIMIT = 10.0
 """Fastest velocity component (m/s) that can be meant: the strike of a squid, the fastest of its kind, reaches 3 m/s."""
 
 
-def assembly_stepper(lanes, count, inclination, published=False):
-    """Compile the loop of an assembly of `count` rings.
+def assembly_stepper(grid, inclination, published=False):
+    """Compile the loop of an assembly.
 
     Parameters
     ----------
-    lanes, count : int
+    grid : AssemblyGrid
     inclination : float, rad
         Of the longitudinal muscles.
     published : bool
@@ -45,33 +43,36 @@ def assembly_stepper(lanes, count, inclination, published=False):
     -------
     advance : compiled function
         ``advance(buffer, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch,
-        watch)`` with levels (samples + 1, 9, N), the cord's first, (samples + 1, 2, 2 N - 1) and (samples + 1, N), linear in time
-        between samples; `watch` asks for the guard at every step. Fills the cord's nodes, frames and stretch; returns
+        watch)`` with levels (samples + 1, straight rods, N), the cord's first, (samples + 1, 2, helix elements) and (samples + 1, N),
+        linear in time between samples; `watch` asks for the guard at every step. Fills the cord's nodes, frames and stretch; returns
         ``(samples done, finding, family, index in row)``.
     parts : dict of str to compiled function
         Pieces of one step, for tests and timing; ``(buffer, ...)``.
     """
-    o, g = family_offsets(lanes, False), family_offsets(lanes, True)
-    rods, rings = family_kernels(lanes, False), family_kernels(lanes, True)
+    o, g = family_offsets(grid, False), family_offsets(grid, True)
+    rods, rings = family_kernels(grid, False), family_kernels(grid, True)
     drift, strain, bend, kick, spin, axial, correct = (rods[k] for k in ("drift", "strain", "bend", "kick", "spin", "axial", "correct"))
     ring_drift, ring_strain, ring_bend, ring_kick, ring_spin, ring_axial, ring_correct = (
         rings[k] for k in ("drift", "strain", "bend", "kick", "spin", "axial", "correct")
     )
     if published:
-        strain, ring_strain = published_strain(lanes, False), published_strain(lanes, True)
-    smooth, brake = velocity_filters(lanes), published_drag(lanes)
-    solve, steady, hold = open_solver(lanes), ring_spin_brake(lanes, RING_NODES), cord_brake(lanes, SPOKES)
-    ring_solve, close_state, close_strain, close_moment, close_speed = ring_solver(lanes, RING_NODES)
-    gather = gather_kernel(lanes)
-    cord, neighbours, ring_muscle, ring_ring = joint_kernels(lanes, inclination)
-    beside, scatter = scatter_kernels(lanes, count)
-    fetch, connect, give = crossing_kernels(lanes, count)
+        strain, ring_strain = published_strain(grid, False), published_strain(grid, True)
+    smooth, brake = velocity_filters(grid), published_drag(grid)
+    solve, steady, hold = open_solver(grid), ring_spin_brake(grid), cord_brake(grid)
+    ring_solve, close_state, close_strain, close_moment, close_speed = ring_solver(grid)
+    gather = gather_kernel(grid)
+    cord, neighbours, ring_muscle, ring_ring = joint_kernels(grid, inclination)
+    beside, scatter = scatter_kernels(grid)
+    fetch, connect, give = crossing_kernels(grid)
+    lanes, count, ring_nodes, helices, helix_elements = grid.lanes, grid.rings, grid.ring_nodes, grid.helices, grid.helix_elements
+    straight, helix_slots = grid.straight_rods, grid.helix_nodes
+    left = helices // 2
     L, n = np.uint64(lanes), np.uint64(count)
-    long = np.uint64(2 * count - 1)
-    first, last = ONE, np.uint64(OPEN_SLOTS * lanes - 1)
-    ring_first, ring_last = L, np.uint64((RING_NODES + 1) * lanes)
+    long = np.uint64(helix_elements)
+    first, last = ONE, np.uint64(grid.open_slots * lanes - 1)
+    ring_first, ring_last = L, np.uint64((ring_nodes + 1) * lanes)
     RF1, RF2, RF3, HF1, HF2, HF3 = (table[f"F{i}"] for table in (g, o) for i in (1, 2, 3))
-    helix_first = np.uint64(9 * lanes)
+    helix_first = np.uint64(straight * lanes)
     BEFORE, AFTER, RING_BEFORE, RING_AFTER = (table[k] for table in (o, g) for k in ("LEVEL_BEFORE", "LEVEL_AFTER"))
     X, Q = tuple(o[f"X{i}"] for i in (1, 2, 3)), tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     V, RING_V = tuple(o[f"V{i}"] for i in (1, 2, 3)), tuple(g[f"V{i}"] for i in (1, 2, 3))
@@ -119,8 +120,8 @@ def assembly_stepper(lanes, count, inclination, published=False):
     def relax(b):
         close_speed(b)
         axial(b, first, last)
-        solve(b, n, 9, np.uint64(0), ONE)
-        solve(b, long, 8, np.uint64(9), np.uint64(2))
+        solve(b, n, straight, np.uint64(0), ONE)
+        solve(b, long, helices, np.uint64(straight), np.uint64(helix_slots))
         correct(b, first, last)
         ring_axial(b, ring_first, ring_last)
         ring_solve(b)
@@ -133,14 +134,14 @@ def assembly_stepper(lanes, count, inclination, published=False):
 
     @kernel
     def set_levels(b, row, ring_row, longitudinal, oblique, transverse):
-        for m in range(9):
+        for m in range(straight):
             for e in range(count):
                 b[row + np.uint64(m) * L + np.uint64(e + 1)] = longitudinal[m, e]
-        for j in range(8):
-            for e in range(2 * count - 1):
-                # Helices 0..3 are left-handed: the second family.
-                b[row + np.uint64(9 + 2 * j) * L + np.uint64(e + 1)] = oblique[1 if j < 4 else 0, e]
-        for node in range(1, RING_NODES + 1):
+        for j in range(helices):
+            for e in range(helix_elements):
+                # The first helices are left-handed: the second family.
+                b[row + np.uint64(straight + helix_slots * j) * L + np.uint64(e + 1)] = oblique[1 if j < left else 0, e]
+        for node in range(1, ring_nodes + 1):
             for i in range(count):
                 b[ring_row + np.uint64(node) * L + np.uint64(i + 1)] = transverse[i]
 
@@ -156,9 +157,9 @@ def assembly_stepper(lanes, count, inclination, published=False):
         for k in range(first, last):
             if not np.isfinite(b[X[0] + k] + b[X[1] + k] + b[X[2] + k]):
                 return NOT_A_NUMBER, 0, k
-        for rod in range(17):
-            start = np.uint64(rod) * L if rod < 9 else np.uint64(9 + 2 * (rod - 9)) * L
-            for k in range(start + ONE, start + ONE + (n if rod < 9 else long)):
+        for rod in range(straight + helices):
+            start = np.uint64(rod if rod < straight else straight + helix_slots * (rod - straight)) * L
+            for k in range(start + ONE, start + ONE + (n if rod < straight else long)):
                 if not STRETCH_LIMITS[0] < b[STRETCH + k] < STRETCH_LIMITS[1]:
                     return STRETCHED, 0, k
         for k in range(ring_first, ring_last):

@@ -20,7 +20,7 @@ MM, GRAM, CONTACT = 1e-3, 1e-3, 0.0316227766
 
 
 def test_counts_of_rods_elements_and_connections():
-    assert (GEOMETRY.count, GEOMETRY.elements) == (180, 9 * 180 + 8 * 359 + 180 * 40)
+    assert (GEOMETRY.grid.rings, GEOMETRY.elements) == (180, 9 * 180 + 8 * 359 + 180 * 40)
     assert STRAIGHT.points.shape[0] + RINGS.points.shape[0] + OBLIQUE.points.shape[0] == 197
     assert straight_connections(ARM, GEOMETRY).spring.size == 2880
     assert GEOMETRY.oblique_nodes.size == 1440 and ring_connections(ARM, GEOMETRY).ring_spring.size == 179
@@ -132,7 +132,7 @@ def shaken():
             nodes += size * generator.standard_normal(nodes.shape)
         for row in (R.W1, R.W2, R.W3):
             view(row)[:] = 2e3 * generator.standard_normal(view(row).shape)
-    _, parts = _compiled(rods.lanes, plant.elements, plant.geometry.inclination)
+    _, parts = _compiled(plant.grid, plant.geometry.inclination)
     parts["move"](rods.flat, 2e-5)
     for row in (R.W1, R.W2, R.W3):
         for view in (rods.straight, rods.oblique, rods.ring):
@@ -209,7 +209,7 @@ def test_connections_side_by_side_follow_their_law_and_conserve_momentum(state):
         assert (normal1 != 0).any() and (normal1 == 0).any()
         if of_second == "_N":
             # Results on the neighbour stand one slot further; muscle 8's neighbour is muscle 1.
-            lanes = rods.lanes
+            lanes = rods.grid.lanes
             rows = [rods.spokes[SpokeRow[f"{name}_N"], 3 * lanes : 11 * lanes].reshape(8, lanes)[:, 1:181] for name in ("F1", "F2", "F3")]
             other = np.stack(rows, axis=-1)
             rows = [rods.spokes[SpokeRow[f"{name}_N"], 3 * lanes : 11 * lanes].reshape(8, lanes)[:, 1:181] for name in ("T1", "T2", "T3")]
@@ -439,7 +439,7 @@ def test_guard_names_rod_and_element():
 
 def test_places_have_names():
     plant = AssemblyPlant()
-    lanes = plant.rods.lanes
+    lanes = plant.grid.lanes
     assert plant.place(0, 1) == ("nerve cord", 0) and plant.place(0, 3 * lanes + 180) == ("LM3", 179)
     assert plant.place(0, 9 * lanes + 1) == ("L-OM helix 1", 0) and plant.place(0, 24 * lanes + 8) == ("R-OM helix 4", lanes + 7)
     assert plant.place(1, lanes + 1) == ("ring 0", 0) and plant.place(1, 40 * lanes + 180) == ("ring 179", 39)
