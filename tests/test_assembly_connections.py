@@ -23,8 +23,8 @@ def of_family(view, row, **nodes):
 
 def of_spokes(rods, name, suffix="", later=0):
     """Three result rows of the spokes, (8, N, 3); those on a neighbour stand one slot `later`."""
-    lanes, slots = rods.lanes, slice((2 + later) * rods.lanes, (10 + later) * rods.lanes)
-    rows = [rods.spokes[S[f"{name}{i}{suffix}"], slots].reshape(8, lanes)[:, 1 : rods.count + 1] for i in (1, 2, 3)]
+    lanes, slots = rods.grid.lanes, slice((2 + later) * rods.grid.lanes, (10 + later) * rods.grid.lanes)
+    rows = [rods.spokes[S[f"{name}{i}{suffix}"], slots].reshape(8, lanes)[:, 1 : rods.grid.rings + 1] for i in (1, 2, 3)]
     return np.stack(rows, axis=-1)
 
 
@@ -54,7 +54,7 @@ def squeezed():
     inward *= (3e-4 * generator.random(inward.shape[:2]) / np.linalg.norm(inward, axis=2))[..., None]
     for i in range(3):
         rods.ring(R.X1 + i)[:] += inward[..., i]
-    _, parts = _compiled(rods.lanes, plant.elements, plant.geometry.inclination)
+    _, parts = _compiled(plant.grid, plant.geometry.inclination)
     for row in (R.LEVEL_BEFORE, R.LEVEL_AFTER):
         rods.open_rods[row] = rods.rings[row] = 0.2
     parts["move"](rods.flat, 2e-5)
@@ -86,9 +86,9 @@ def test_muscles_touch_the_ring_nodes_beside_their_spoke(state):
     radius = rods.straight(R.RADIUS)
     stiff = ring_connections(ARM, plant.geometry).muscle_contact
     masses = 1 / plant.geometry.rings.node_mass[:, 0] + 1 / plant.geometry.straight.element_mass[1]
-    on_ring, on_muscle, total, touched = np.zeros_like(nodes), np.zeros((8, rods.count, 3)), np.zeros((8, rods.count)), 0
+    on_ring, on_muscle, total, touched = np.zeros_like(nodes), np.zeros((8, rods.grid.rings, 3)), np.zeros((8, rods.grid.rings)), 0
     for m in MUSCLES:
-        for i in range(rods.count):
+        for i in range(rods.grid.rings):
             for away in (-4, -3, -2, -1, 1, 2, 3, 4):
                 q = (per_ring // 8 * (m - 1) + away) % per_ring
                 between = nodes[i, q] - centre[m, i]
@@ -101,7 +101,7 @@ def test_muscles_touch_the_ring_nodes_beside_their_spoke(state):
                 on_ring[i, q] += push * between / distance
                 on_muscle[m - 1, i] -= push * between / distance
                 total[m - 1, i] -= push
-    assert 500 < touched < 8 * 8 * rods.count
+    assert 500 < touched < 8 * 8 * rods.grid.rings
     np.testing.assert_allclose(of_family(rods.ring, R.F1), on_ring, atol=1e-12)
     for name in ("F", "G"):
         np.testing.assert_allclose(of_spokes(rods, name), on_muscle, atol=1e-12)
@@ -111,13 +111,13 @@ def test_muscles_touch_the_ring_nodes_beside_their_spoke(state):
 def test_squeeze_becomes_pressure_and_forces_are_shared_by_the_nodes(state):
     plant, rods, parts = state
     generator = np.random.default_rng(3)
-    shape = (8, rods.count)
+    shape, lanes = (8, rods.grid.rings), rods.grid.lanes
     booked = {}
     for name in RESULTS:
         for suffix, later in (("", 0), ("_N", 1), ("_C", 0)):
             booked[name + suffix] = generator.standard_normal(shape)
-            slots = rods.spokes[S[name + suffix], (2 + later) * rods.lanes : (10 + later) * rods.lanes].reshape(8, rods.lanes)
-            slots[:, 1 : rods.count + 1] = booked[name + suffix]
+            slots = rods.spokes[S[name + suffix], (2 + later) * lanes : (10 + later) * lanes].reshape(8, lanes)
+            slots[:, 1 : rods.grid.rings + 1] = booked[name + suffix]
     before = of_family(rods.straight, R.N1)
     tangent, length = of_family(rods.straight, R.T1), rods.straight(R.STRETCH) * plant.geometry.straight.length
     parts["scatter"](rods.flat, 0.0, 0.0)
@@ -132,7 +132,7 @@ def test_squeeze_becomes_pressure_and_forces_are_shared_by_the_nodes(state):
     load = (-pressure * np.pi * radius**2)[..., None] * tangent
     np.testing.assert_allclose(of_family(rods.straight, R.N1) - before, load, atol=1e-13)
     force = np.stack([summed(f"F{i}") for i in (1, 2, 3)], axis=-1)
-    shared = np.zeros((9, rods.count + 1, 3))
+    shared = np.zeros((9, rods.grid.rings + 1, 3))
     shared[:, 1:] += force / 2
     shared[:, :-1] += force / 2
     np.testing.assert_allclose(of_family(rods.straight, R.F1, nodes=True), shared, atol=1e-14)
@@ -185,7 +185,7 @@ def axial_twin(speed, tangent, yielding, rate, mobility):
 def test_implicit_axial_step_is_that_of_a_dense_system(state, family):
     _, rods, parts = state
     parts["push"](rods.flat)
-    number = {"cord": 0, "muscle": 5, "helix": 6, "ring": 40, "last ring": rods.count - 1}[family]
+    number = {"cord": 0, "muscle": 5, "helix": 6, "ring": 40, "last ring": rods.grid.rings - 1}[family]
     view, nodes = {
         "cord": (rods.straight, {"nodes": True}),
         "muscle": (rods.straight, {"nodes": True}),
@@ -213,7 +213,7 @@ def test_spin_brake_keeps_the_mean_spin_of_every_ring(state):
         return np.einsum("rnij,rni->rnj", frames_of(rods.ring), of_family(rods.ring, R.W1))
 
     before, share = spin(), 0.1
-    ring_spin_brake(rods.lanes, before.shape[1])(rods.flat, share)
+    ring_spin_brake(rods.grid)(rods.flat, share)
     mean = before.mean(axis=1, keepdims=True)
     np.testing.assert_allclose(spin(), mean + (1 - share) * (before - mean), atol=1e-10)
 
@@ -229,7 +229,7 @@ def couples(rods, straight_force, straight_couple, ring_force, ring_couple):
 def at_spokes(rods, values):
     """Values (8, N, 3) of the spokes at their ring nodes (N, nodes, 3)."""
     per_ring = rods.ring(R.X1).shape[1]
-    placed = np.zeros((rods.count, per_ring, 3))
+    placed = np.zeros((rods.grid.rings, per_ring, 3))
     placed[:, :: per_ring // 8] = np.swapaxes(values, 0, 1)
     return placed
 
@@ -285,7 +285,7 @@ def test_contacts_beside_the_spokes_conserve_angular_momentum(state):
     _, rods, parts = state
     parts["gather"](rods.flat)
     parts["beside"](rods.flat)
-    none = np.zeros((8, rods.count, 3))
+    none = np.zeros((8, rods.grid.rings, 3))
     force, moment = couples(rods, of_spokes(rods, "F"), none, of_family(rods.ring, R.F1), np.zeros_like(of_family(rods.ring, R.F1)))
     scale = np.abs(of_spokes(rods, "F")).sum()
     np.testing.assert_allclose(force, 0, atol=1e-13 * scale)
