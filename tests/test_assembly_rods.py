@@ -49,7 +49,7 @@ def moving():
             view(R.V1 + i, **nodes)[:] = 1e-3 * generator.standard_normal(view(R.V1, **nodes).shape)
             view(R.W1 + i)[:] = 3e3 * generator.standard_normal(view(R.W1).shape)
         view(R.LEVEL_BEFORE)[:] = view(R.LEVEL_AFTER)[:] = LEVEL
-    _, parts = _compiled(rods.lanes, plant.elements, plant.geometry.inclination)
+    _, parts = _compiled(plant.grid, plant.geometry.inclination)
     parts["move"](rods.flat, 4e-5)
     return plant, parts, rods.flat.copy()
 
@@ -129,13 +129,13 @@ def test_internal_loads_are_those_of_the_equations(state, name, published):
     parts["measure"](rods.flat, 0.5, plant.h, plant._laws)
     view, _, closed, law = family(plant, name)
     if published:
-        lanes = rods.lanes
+        lanes = rods.grid.lanes
         first, last = {
             "straight": (1, 9 * lanes),
             "oblique": (9 * lanes, 25 * lanes - 1),
             "rings": (lanes, lanes * (1 + rods.ring(R.X1).shape[1])),
         }[name]
-        published_strain(lanes, closed)(rods.flat, np.uint64(first), np.uint64(last), 0.5, 0.0, law_constants(law))
+        published_strain(rods.grid, closed)(rods.flat, np.uint64(first), np.uint64(last), 0.5, 0.0, law_constants(law))
     force = vectors(view, R.N1)
     scale = np.abs(wanted_force).max()
     np.testing.assert_allclose(difference(force, closed), wanted_force, atol=1e-10 * scale)
@@ -169,7 +169,7 @@ def test_published_filter_takes_the_fifth_power_of_the_second_difference(state, 
             inner = (2 * rough[:, 1:-1] - rough[:, :-2] - rough[:, 2:]) / 4
             rough = np.pad(inner, ((0, 0), (1, 1), (0, 0)))
     set_filter_masks(rods)
-    velocity_filters(rods.lanes)(rods.flat, np.uint64(1), np.uint64(25 * rods.lanes - 1))
+    velocity_filters(rods.grid)(rods.flat, np.uint64(1), np.uint64(25 * rods.grid.lanes - 1))
     np.testing.assert_allclose(vectors(view, row, **nodes), before - rough, rtol=1e-12, atol=1e-14 * np.abs(before).max())
 
 
@@ -183,13 +183,13 @@ def test_published_drag_acts_on_the_mean_velocity_of_elements(state):
         fill.rings[[R.BEND_INERTIA, R.AREA]],
     )
     parts["measure"](rods.flat, 0.5, plant.h, plant._laws)
-    seam = (rods.ring(R.V1).shape[1] + 1) * rods.lanes
+    seam = (rods.ring(R.V1).shape[1] + 1) * rods.grid.lanes
     for row in (R.V1, R.V2, R.V3):
-        rods.rings[row, seam : seam + rods.lanes] = rods.rings[row, rods.lanes : 2 * rods.lanes]
+        rods.rings[row, seam : seam + rods.grid.lanes] = rods.rings[row, rods.grid.lanes : 2 * rods.grid.lanes]
     for row in (R.F1, R.F2, R.F3):
         rods.open_rods[row] = rods.rings[row] = 0.0
     torque = {name: vectors(family(plant, name)[0], R.TORQUE1) for name in rates}
-    published_drag(rods.lanes)(rods.flat, rates["oblique"], rates["rings"])
+    published_drag(rods.grid)(rods.flat, rates["oblique"], rates["rings"])
     for name, rate in rates.items():
         view, geometry, closed, _ = family(plant, name)
         nodes = {} if closed else {"nodes": True}
@@ -257,7 +257,7 @@ def test_plants_in_two_threads_do_not_disturb_each_other():
 
 @pytest.mark.parametrize(
     "options",
-    [{"sample_interval": 2e-3}, {"paper_compatible": True, "cord_tone": 0.001, "sample_interval": 2e-3}],
+    [{"sample_interval": 2e-3}, {"paper_compatible": True, "sample_interval": 2e-3}],
     ids=["default", "published"],
 )
 def test_state_saved_in_the_middle_of_a_programme_goes_on_bit_by_bit(tmp_path, options):
