@@ -16,7 +16,8 @@ from .activation import Activation
 from .arm import LONGITUDINAL_GROUPS, Arm, azimuth
 from .errors import OctoctrlError, PlantUnstableError, check_choice, check_number
 from .recording import Recording
-from .rod import choose_step, node_masses, raise_unstable, set_damping, set_joints, set_state, step_limits
+from .rod import choose_step, node_masses, set_damping, set_joints, set_state, step_limits
+from .rod_diagnosis import ALTERNATING, TRAIL, Stop, alternation, substeps
 from .rod_layout import STATE_ROWS, Row, new_buffer, stride_for
 from .rotations import rotation_matrix, rotation_vector
 from .scene import Scene
@@ -250,29 +251,44 @@ class Plant:
         return pulls[1:] | pulls[:-1]
 
     def _advance_samples(self, levels):
+        good = self.rows[:STATE_ROWS].copy()
+        *motion, finding, element = self._move(levels, self.steps)
+        if finding:
+            stop = self._second_look(levels, len(motion[0]), good, finding, element)
+            self.rows[:STATE_ROWS] = good
+            before = ceil(stop.time / self.sample_interval - 1e-9) - 1 - self.samples
+            piece = self._piece(self.samples, *(part[: max(0, before)] for part in motion), levels)
+            raise PlantUnstableError(
+                stop.message(self.h, self.limits), time=stop.time, element=stop.element, mechanism=stop.mechanism, recording=piece
+            )
+        piece = self._piece(self.samples, *motion, levels)
+        self.samples += len(levels) - 1
+        return piece
+
+    def _move(self, levels, steps):
+        """Take `steps` steps between instants of `levels`; returns points, frames and stretch up to a stop, what it is, and the element."""
         n, samples = self.elements, len(levels) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         active = self._active(levels)
-        good = self.rows[:STATE_ROWS].copy()
         with BUILDING:
             step = _muscular_advance(stride_for(n))
         done, finding, element = step(
-            self.buffer, np.uint64(n), self.h, self.steps, levels, active, self._directions, self._scalars, points, frames, stretch
+            self.buffer, np.uint64(n), self.h, steps, levels, active, self._directions, self._scalars, points, frames, stretch
         )
-        first = self.samples
-        if finding:
-            self.rows[:STATE_ROWS] = good
-            bad = (first + done + 1) * self.sample_interval
-            raise_unstable(
-                bad,
-                int(element) - 1,
-                finding,
-                self.h,
-                self.limits,
-                self._piece(first, points[:done], frames[:done], stretch[:done], levels),
-            )
-        self.samples += samples
-        return self._piece(first, points, frames, stretch, levels)
+        return points[:done], frames[:done], stretch[:done], finding, int(element) - 1
+
+    def _second_look(self, levels, done, good, finding, element):
+        """Go the last samples again, step by step: where and when it began, and whether the motion alternated."""
+        skip = max(0, done - ceil(TRAIL / self.steps))
+        self.rows[:STATE_ROWS] = good
+        if skip:
+            self._move(levels[: skip + 1], self.steps)
+        _, frames, _, first_finding, first_element = self._move(substeps(levels[skip : done + 2], self.steps), 1)
+        time = (self.samples + skip) * self.sample_interval + (len(frames) + 1) * self.h
+        if first_finding:
+            finding, element = first_finding, first_element
+        share = alternation(frames[:, max(0, element - 1) : element + 2])
+        return Stop(time=time, element=element, finding=finding, unstable=None if share is None else share > ALTERNATING)
 
     def _piece(self, first, points, frames, stretch, levels):
         index = first + 1 + np.arange(len(points))

@@ -17,6 +17,7 @@ FINDINGS = {
     1: "is stretched beyond 0.2…3 times its length",
     2: "is bent by more than 1.5 rad against its neighbour",
     3: "has a position that is not a number",
+    5: "is sheared by more than 60 degrees",
 }
 
 SUPPORTS = ("free", "clamped", "element")

@@ -15,12 +15,16 @@ from .rod_kernels import rod_kernels
 from .rod_layout import offsets
 
 ONE = np.uint64(1)
-FINE, STRETCHED, BENT, NOT_A_NUMBER = 0, 1, 2, 3
-"""What the guard found: nothing, an element outside the allowed stretch, a joint bent too far, a value that is no number."""
+FINE, STRETCHED, BENT, NOT_A_NUMBER, SHEARED = 0, 1, 2, 3, 5
+"""What the guard found: nothing, an element outside the allowed stretch, a joint bent too far, a value that is no number, a section that
+has fallen over (4 is speed, which the assembly watches)."""
 
 STRETCH_LIMITS = (0.2, 3.0)
 JOINT_LIMIT = 1.5
 """Largest angle between neighbouring elements, rad, that the logarithm's series resolves."""
+SHEAR_LIMIT = 0.5
+"""Smallest cosine between an element's d3 and its tangent. Arms that move sensibly stay above 0.65; below it a section folds over and can
+stay so, for shear is linear: an element that is turned inside out would be a second state of rest."""
 
 
 class MuscleScalars(NamedTuple):
@@ -40,7 +44,8 @@ def _closing_kernel(stride):
     o = offsets(stride)
     X1, X2, X3, STRETCH, LENGTH, JOINT_LENGTH = (o[k] for k in ("X1", "X2", "X3", "STRETCH", "LENGTH", "JOINT_LENGTH"))
     Q = tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
-    K1, K2, K3 = o["K1"], o["K2"], o["K3"]
+    K1, K2, K3, BEND1 = o["K1"], o["K2"], o["K3"], o["BEND1"]
+    T, Q3 = (o["T1"], o["T2"], o["T3"]), Q[6:]
 
     @kernel
     def guard(b, n):
@@ -49,8 +54,11 @@ def _closing_kernel(stride):
                 return NOT_A_NUMBER, k
             if not STRETCH_LIMITS[0] < b[STRETCH + k] < STRETCH_LIMITS[1]:
                 return STRETCHED, k
+            if not b[T[0] + k] * b[Q3[0] + k] + b[T[1] + k] * b[Q3[1] + k] + b[T[2] + k] * b[Q3[2] + k] > SHEAR_LIMIT:
+                return SHEARED, k
             angle = JOINT_LIMIT / b[JOINT_LENGTH + k]
-            if k > ONE and not b[K1 + k] ** 2 + b[K2 + k] ** 2 + b[K3 + k] ** 2 < angle * angle:
+            # The first joint of a rod that is not clamped carries nothing.
+            if b[BEND1 + k] > 0 and not b[K1 + k] ** 2 + b[K2 + k] ** 2 + b[K3 + k] ** 2 < angle * angle:
                 return BENT, k
         return FINE, ONE
 

@@ -247,7 +247,7 @@ def test_a_plant_that_diverges_ends_the_run_with_what_was_good(short, feedback):
     execution = execute(short, feedback=feedback, plant=Exploding(short.arm, short.scene))
     assert execution.status is ExecutionStatus.UNSTABLE and not execution.recording.complete
     assert 0.14 <= execution.recording.time[-1] <= 0.2
-    assert execution.recording.note.startswith("unstable at t=0.1") and execution.recording.note in str(execution)
+    assert execution.recording.note.startswith("stopped at t=0.1") and execution.recording.note in str(execution)
     assert np.isfinite(execution.recording.points[:-1]).all()
     assert not verify(execution).passed
     with pytest.raises(PlantUnstableError):
