@@ -19,7 +19,7 @@ from .plant import BUILDING, Observation, Plant
 from .rod import FINDINGS as ROD_FINDINGS
 from .scene import Scene
 
-DEFAULT_STEP = 4e-5
+DEFAULT_STEP = 5e-5
 LARGEST_STEP = 6e-5
 PUBLISHED_STEP = 1e-5
 FINDINGS = ROD_FINDINGS | {4: "moves faster than 10 m/s"}

@@ -272,7 +272,7 @@ def _fill_connections(buffer, arm, geometry, h):
     buffer.spoke(S.R_TORQUE)[:] = ring.muscle_torque
     buffer.spoke(S.R_CONTACT)[:] = ring.muscle_contact
     buffer.spoke(S.R_NEXT)[:, :-1] = ring.ring_spring
-    buffer.spoke(S.R_EFFECTIVE)[:] = 0.75 * h * h * ring.muscle_contact * (1 / ring_mass + 1 / muscle_mass)
+    buffer.spoke(S.R_EFFECTIVE)[:] = (0.75 * h * h * ring.muscle_contact * (1 / ring_mass + 1 / muscle_mass)) ** 2
     helix_mass = geometry.oblique.node_mass[:, :: grid.helix_nodes]
     buffer.crossing(C.SPRING)[:] = ring.oblique_spring
     for row in (C.CONTACT, C.P_CONTACT, C.N_CONTACT):
@@ -281,4 +281,4 @@ def _fill_connections(buffer, arm, geometry, h):
     half = grid.helices // 2
     buffer.crossing(C.N_CONTACT)[:half, 0] = buffer.crossing(C.P_CONTACT)[half:, 0] = 0.0
     buffer.crossing(C.P_CONTACT)[:half, -1] = buffer.crossing(C.N_CONTACT)[half:, -1] = 0.0
-    buffer.crossing(C.EFFECTIVE)[:] = 0.75 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)
+    buffer.crossing(C.EFFECTIVE)[:] = (0.75 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)) ** 2

@@ -102,8 +102,7 @@ def crossing_kernels(grid):
         # Contact force over distance, from the overlap at the distance vector d.
         distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
         overlap = max(reach - distance, 0.0)
-        root = np.sqrt(overlap)
-        return stiffness * overlap * root / ((1 + effective * root) * distance)
+        return stiffness * overlap * np.sqrt(overlap / (1 + effective * overlap)) / distance
 
     @kernel
     def connect(b):

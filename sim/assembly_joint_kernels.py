@@ -10,8 +10,8 @@ the spokes' buffer, so that every loop runs over consecutive numbers; results go
     pressure       what of the squeeze on an element cancels, (|sum of normal forces| - |sum of force vectors|) / (2 pi r l),
                    pushes along the muscle on its section
 
-Laws of Tekinalp et al. (2024, SI); contacts are softened for the step, f = k p^1.5 / (1 + 3/4 h^2 k p^0.5 (1/m_1 + 1/m_2)), so that no
-pair is pushed apart by more than its overlap.
+Laws of Tekinalp et al. (2024, SI); contacts are softened for the step, f = k p^1.5 / sqrt(1 + s^2) with
+s = 3/4 h^2 k p^0.5 (1/m_1 + 1/m_2), so that no stiffness exceeds a third of what the step can carry, while the error is of order h^4.
 """
 
 from math import cos, pi, sin
@@ -222,8 +222,7 @@ def joint_kernels(grid, inclination):
             # Contact with the spoke's own node.
             distance = np.sqrt(square)
             overlap = max(reach - distance, 0.0)
-            root = np.sqrt(overlap)
-            push = b[R_CONTACT + k] * overlap * root / (1 + b[R_EFFECTIVE + k] * root)
+            push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / (1 + b[R_EFFECTIVE + k] * overlap))
             unit = push / distance
             b[F1_R + k], b[F2_R + k], b[F3_R + k] = f1 - unit * c1, f2 - unit * c2, f3 - unit * c3
             b[F1 + k] += unit * c1 - f1
@@ -313,8 +312,7 @@ def scatter_kernels(grid):
                     distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
                     overlap = b[THICK + r] + b[RADIUS + k] - distance
                     if overlap > 0:
-                        root = np.sqrt(overlap)
-                        push = b[R_CONTACT + k] * overlap * root / (1 + b[R_EFFECTIVE + k] * root)
+                        push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / (1 + b[R_EFFECTIVE + k] * overlap))
                         d1, d2, d3 = d1 * push / distance, d2 * push / distance, d3 * push / distance
                         b[RF1 + r] += d1
                         b[RF2 + r] += d2

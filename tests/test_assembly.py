@@ -246,8 +246,8 @@ def test_ring_and_muscle_follow_their_law_and_push_each_other_equally(state):
         spring = constants.muscle_spring[:, None] * (muscle - x + reach * outward)
         distance = np.linalg.norm(muscle - x, axis=1)
         overlap = np.maximum(reach[:, 0] - distance, 0)
-        effective = rods.spoke(SpokeRow.R_EFFECTIVE)[m] * np.sqrt(overlap)
-        push = constants.muscle_contact * overlap**1.5 / (1 + effective)
+        effective = rods.spoke(SpokeRow.R_EFFECTIVE)[m] * overlap
+        push = constants.muscle_contact * overlap**1.5 / np.sqrt(1 + effective)
         contact = (push / distance)[:, None] * (muscle - x)
         np.testing.assert_allclose(spokes(rods, "F", "_R")[m], spring - contact, atol=1e-10)
         np.testing.assert_allclose(spokes(rods, "F")[m], contact - spring, atol=1e-10)
@@ -315,8 +315,8 @@ def test_rings_and_helices_follow_their_law(state):
                 between = nodes[i, (q + dq) % 40] - helices[j, h + dh]
                 distance = np.linalg.norm(between)
                 overlap = max(thick[i, (q + dq) % 40] + fibre[j, h + dh] - distance, 0.0)
-                soft = 0.75 * 4e-5**2 * constants.oblique_contact[i] * (1 / mass_ring[i] + 1 / mass_helix[h])
-                push = constants.oblique_contact[i] * overlap**1.5 / (1 + soft * np.sqrt(overlap)) * between / distance
+                soft = 0.75 * 5e-5**2 * constants.oblique_contact[i] * (1 / mass_ring[i] + 1 / mass_helix[h])
+                push = constants.oblique_contact[i] * overlap**1.5 / np.sqrt(1 + soft**2 * overlap) * between / distance
                 want_helix[j, h + dh] -= push
                 want_ring[i, (q + dq) % 40] += push
     assert pairs == 7168
@@ -398,7 +398,7 @@ def test_a_saved_state_continues_bit_by_bit(tmp_path):
     other.advance(programme(), 0.01)
     for mine, theirs in zip(plant.nodes(), other.nodes(), strict=True):
         np.testing.assert_array_equal(mine, theirs)
-    with pytest.raises(OctoctrlError, match="steps=125"):
+    with pytest.raises(OctoctrlError, match="steps=100"):
         AssemblyPlant(dt=2e-5).load(tmp_path / "state.npz")
 
 
