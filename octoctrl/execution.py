@@ -284,7 +284,7 @@ class _Run:
                 "wall_time": wall_time,
                 "speed": simulated / wall_time if wall_time > 0 else 0.0,
                 "time_step": self.plant.h,
-                "step_limit": min(self.plant.limits, key=self.plant.limits.get),
+                "step_limit": self.plant.limit.mechanism,
                 "largest_level": float(recording.levels.max()),
                 "waited": float(recording.time[-1] - clock[-1]),
                 **self.controller.statistics(),

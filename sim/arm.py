@@ -167,7 +167,7 @@ class Arm:
         """Arclengths (count + 1,) that divide the arm into parts as long as the local radius to the power `grading`, m."""
         share = np.linspace(0.0, 1.0, count + 1)
         slope, power = 1 - 1 / self.taper, 1 - grading
-        if slope == 0:
+        if slope < 1e-9:  # no taper, or none that the differences below could resolve
             return self.length * share
         # Lengths dL ~ (1 - slope s/L)^grading: equal steps of the integral of its inverse.
         if power == 0:

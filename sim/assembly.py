@@ -18,6 +18,7 @@ from .errors import PlantUnstableError, check_number
 from .plant import BUILDING, Observation, Plant
 from .rod import FINDINGS as ROD_FINDINGS
 from .scene import Scene
+from .step_limits import StepLimit
 
 DEFAULT_STEP = 5e-5
 LARGEST_STEP = 6e-5
@@ -76,7 +77,7 @@ class AssemblyPlant(Plant):
         self._ring_radius = np.linalg.norm(self.geometry.rings.points[..., ::2], axis=2).mean(axis=1)
         self.edges = np.linspace(0.0, self.arm.length, self.elements + 1)
         self.stations = np.concatenate([[0.0], (self.edges[1:] + self.edges[:-1]) / 2, [self.arm.length]])
-        self.limits = {"thin rings": LARGEST_STEP}
+        self.limit = StepLimit(step=LARGEST_STEP, mechanism="thin rings", element=self.elements - 1)
         self.steps = max(1, ceil(sample_interval / largest - 1e-9))
         self.h = sample_interval / self.steps
         self.rods = new_assembly(self.geometry)

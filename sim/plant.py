@@ -13,21 +13,28 @@ from time import perf_counter
 import numpy as np
 
 from .activation import Activation
-from .arm import LONGITUDINAL_GROUPS, Arm, azimuth
+from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, azimuth
 from .errors import OctoctrlError, PlantUnstableError, check_choice, check_number
 from .recording import Recording
-from .rod import choose_step, node_masses, set_damping, set_joints, set_state, step_limits
+from .rod import node_masses, set_damping, set_joints, set_state
 from .rod_diagnosis import ALTERNATING, TRAIL, Stop, alternation, substeps
 from .rod_layout import STATE_ROWS, Row, new_buffer, stride_for
 from .rotations import rotation_matrix, rotation_vector
 from .scene import Scene
+from .step_limits import choose_step, predict_limit
 
 MODELS = ("rod",)
 REST_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rows d1 = +z, d2 = +x, d3 = +y (arm axis)."""
 
+LARGEST_STEP = 1e-3
+"""What ``dt="auto"`` takes at most, s: coarse arms would be stable beyond, but miss the onset of their muscles."""
+
 CHUNK = 50
 """Samples per compiled call: how often progress is shown and Ctrl-C is answered."""
+
+_LIMITS = {}
+"""Step limits at rest by arm and scene: many plants of a study are alike."""
 
 BUILDING = Lock()
 """Held while compiled code is put together, so that plants in several threads share it."""
@@ -71,7 +78,8 @@ class Plant:
     scene : Scene
     model : {"rod"}
     dt : float or "auto", s
-        Largest time step; the step in use divides `sample_interval`. ``"auto"`` takes 0.8 of the predicted stability limit.
+        Largest time step; the step in use divides `sample_interval`. ``"auto"`` takes 0.8 of the predicted stability limit, or
+        `LARGEST_STEP`.
     sample_interval : float, s
         How often activation is sampled (linear in between) and the motion is checked.
     record_every : int
@@ -80,8 +88,8 @@ class Plant:
     Attributes
     ----------
     time : float, s
-    limits : dict of str to float, s
-        Largest stable step by mechanism.
+    limit : StepLimit
+        Predicted largest stable step at rest, and what would grow above it.
     h : float, s
         Time step in use.
 
@@ -104,13 +112,44 @@ class Plant:
         self.stations = np.concatenate([[0.0], (self.edges[1:] + self.edges[:-1]) / 2, [self.arm.length]])
         self.buffer, self.rows = new_buffer(self.elements)
         self._fill_parameters()
-        self.limits = step_limits(self.rows, self.elements)
-        self.steps = max(1, ceil(sample_interval / choose_step(dt, self.limits) - 1e-9))
-        self.h = sample_interval / self.steps
-        self._fill_damping()
-        self._scalars = self._compiled_scalars()
         self._directions = np.array([[sin(azimuth(group)), cos(azimuth(group))] for group in LONGITUDINAL_GROUPS])
         self.reset()
+        self.limit = self._limit_at_rest()
+        self.steps = max(1, ceil(sample_interval / choose_step(dt, self.limit, LARGEST_STEP) - 1e-9))
+        self._prepare(sample_interval / self.steps)
+
+    def _limit_at_rest(self):
+        key = self.arm, self.scene
+        if key not in _LIMITS:
+            _LIMITS[key] = self.step_limit()
+        return _LIMITS[key]
+
+    def _prepare(self, h):
+        """Set all that depends on the step."""
+        self.h = h
+        self._fill_damping()
+        self._scalars = self._compiled_scalars()
+
+    def step_limit(self, levels=None):
+        """Predict the largest stable step in the present state.
+
+        Parameters
+        ----------
+        levels : (11, n) float64, optional
+            Activation; none if omitted.
+
+        Returns
+        -------
+        StepLimit
+        """
+        n = self.elements
+        levels = np.zeros((len(MUSCLE_GROUPS), n)) if levels is None else np.asarray(levels, dtype=float)
+        both, before = np.stack([levels, levels]), getattr(self, "h", None)
+        scratch = np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))
+        found = predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, both, *scratch))
+        if before is not None:
+            self._prepare(before)
+        return found
 
     def _fill_parameters(self):
         n, rows, arm = self.elements, self.rows, self.arm
@@ -250,6 +289,13 @@ class Plant:
         pulls = levels.max(axis=2) > 0
         return pulls[1:] | pulls[:-1]
 
+    def _step(self, h, steps, levels, points, frames, stretch):
+        """The compiled loop: `steps` of h in each sample -> samples done, finding, element."""
+        with BUILDING:
+            step = _muscular_advance(stride_for(self.elements))
+        count, active = np.uint64(self.elements), self._active(levels)
+        return step(self.buffer, count, h, steps, levels, active, self._directions, self._scalars, points, frames, stretch)
+
     def _advance_samples(self, levels):
         good = self.rows[:STATE_ROWS].copy()
         *motion, finding, element = self._move(levels, self.steps)
@@ -259,7 +305,7 @@ class Plant:
             before = ceil(stop.time / self.sample_interval - 1e-9) - 1 - self.samples
             piece = self._piece(self.samples, *(part[: max(0, before)] for part in motion), levels)
             raise PlantUnstableError(
-                stop.message(self.h, self.limits), time=stop.time, element=stop.element, mechanism=stop.mechanism, recording=piece
+                stop.message(self.h, self.limit), time=stop.time, element=stop.element, mechanism=stop.mechanism, recording=piece
             )
         piece = self._piece(self.samples, *motion, levels)
         self.samples += len(levels) - 1
@@ -269,12 +315,7 @@ class Plant:
         """Take `steps` steps between instants of `levels`; returns points, frames and stretch up to a stop, what it is, and the element."""
         n, samples = self.elements, len(levels) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        active = self._active(levels)
-        with BUILDING:
-            step = _muscular_advance(stride_for(n))
-        done, finding, element = step(
-            self.buffer, np.uint64(n), self.h, steps, levels, active, self._directions, self._scalars, points, frames, stretch
-        )
+        done, finding, element = self._step(self.h, steps, levels, points, frames, stretch)
         return points[:done], frames[:done], stretch[:done], finding, int(element) - 1
 
     def _second_look(self, levels, done, good, finding, element):

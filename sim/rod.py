@@ -9,6 +9,7 @@ import numpy as np
 from .errors import OctoctrlError, PlantUnstableError, check_choice, check_number
 from .rod_layout import STATE_ROWS, Row, new_buffer, stride_for
 from .rotations import rotation_vector
+from .step_limits import choose_step, predict_limit
 
 CIRCULAR_SHEAR = 27 / 28
 """Shear coefficient of a circular section (PyElastica's default; Tekinalp et al. 2024 use 4/3)."""
@@ -109,8 +110,8 @@ class RodSimulation:
     Attributes
     ----------
     time : float, s
-    limits : dict of str to float, s
-        Predicted largest stable step by mechanism.
+    limit : StepLimit
+        Predicted largest stable step at rest, and what would grow above it.
 
     Raises
     ------
@@ -124,9 +125,23 @@ class RodSimulation:
         self.time = 0.0
         self.buffer, self.rows = new_buffer(self.elements)
         self._fill()
-        self.limits = step_limits(self.rows, self.elements)
-        self.dt = choose_step(dt, self.limits)
-        set_damping(self.rows, self.elements, self.dt, rod.damping, rod.damping, rod.damping, fixed=rod.support)
+        self.limit = self.step_limit()
+        self.dt = choose_step(dt, self.limit)
+        self._prepare(self.dt)
+
+    def _prepare(self, h):
+        rate = self.rod.damping
+        set_damping(self.rows, self.elements, h, rate, rate, rate, fixed=self.rod.support, masses=self.node_mass)
+
+    def _step(self, h, steps, points, frames, stretch):
+        step = _elastic_advance(stride_for(self.elements), self.rod.section == "constant")
+        return step(self.buffer, np.uint64(self.elements), h, steps, points, frames, stretch)
+
+    def step_limit(self):
+        """Predicted largest stable step in the present state, as a `StepLimit`."""
+        n = self.elements
+        scratch = np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))
+        return predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, *scratch))
 
     def _fill(self):
         rod, n, rows = self.rod, self.elements, self.rows
@@ -225,18 +240,14 @@ class RodSimulation:
         if abs(steps * self.dt - interval) > 1e-9 * interval:
             steps = int(np.ceil(interval / self.dt * (1 - 1e-12)))
         h = interval / steps
-        set_damping(
-            self.rows, self.elements, h, self.rod.damping, self.rod.damping, self.rod.damping,
-            fixed=self.rod.support, masses=self.node_mass,
-        )  # fmt: skip
+        self._prepare(h)
         n = self.elements
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        step = _elastic_advance(stride_for(n), self.rod.section == "constant")
-        done, finding, element = step(self.buffer, np.uint64(n), h, steps, points, frames, stretch)
+        done, finding, element = self._step(h, steps, points, frames, stretch)
         time = self.time + interval * np.arange(1, samples + 1)
         self.time += interval * done
         if finding:
-            raise_unstable(self.time + interval, int(element) - 1, finding, h, self.limits)
+            raise_unstable(self.time + interval, int(element) - 1, finding, h, self.limit)
         return time, points, frames
 
 
@@ -295,55 +306,14 @@ def phi1(x):
     return np.where(x == 0, 1.0, np.expm1(x) / np.where(x == 0, 1.0, x))
 
 
-def step_limits(rows, n):
-    """Largest stable step of position Verlet by mechanism, s: 2 / omega of each element's stiffest local mode."""
-    length, joint = rows[Row.LENGTH, 1 : n + 1], rows[Row.JOINT_LENGTH, 1 : n + 2]
-    mass = 1 / rows[Row.NODE_MOBILITY, 1 : n + 2]
-    element_mass = 1 / (1 / mass[:-1] + 1 / mass[1:])
-    shear, axial = rows[Row.SHEAR, 1 : n + 1], rows[Row.AXIAL, 1 : n + 1]
-
-    def turning(stiffness, inertia):
-        per_joint = rows[stiffness, 1 : n + 2] / joint
-        # Neighbours moving against each other: Gershgorin bound of the joint springs on one element.
-        return 2 * (per_joint[:-1] + per_joint[1:]) / rows[inertia, 1 : n + 1]
-
-    squares = {
-        "stretch wave": 2 * axial / (length * element_mass) if axial.any() else np.zeros(n),
-        "shear and bending of the section": 2 * shear / (length * element_mass)
-        + shear * length / rows[Row.INERTIA1, 1 : n + 1]
-        + turning(Row.BEND1, Row.INERTIA1),
-        "twist wave": turning(Row.TWIST, Row.INERTIA3),
-    }
-    return {name: float(2 / np.sqrt(square.max())) for name, square in squares.items() if square.max() > 0}
-
-
-def choose_step(dt, limits, safety=0.8):
-    """The time step: `dt` if it is stable, or `safety` times the smallest limit for ``"auto"``.
-
-    Raises
-    ------
-    OctoctrlError
-        If `dt` is larger than the smallest limit.
-    """
-    name, limit = min(limits.items(), key=lambda item: item[1])
-    if dt == "auto":
-        return safety * limit
-    check_number("dt", dt, above=0.0, unit="s")
-    if dt > limit:
-        raise OctoctrlError(f"dt={dt:g} s exceeds the stability bound {limit:.2g} s ({name}); use dt='auto'")
-    return dt
-
-
-def raise_unstable(time, element, finding, dt, limits, recording=None):
+def raise_unstable(time, element, finding, dt, limit):
     """Raise `PlantUnstableError` in physical terms."""
-    name, limit = min(limits.items(), key=lambda item: item[1])
     raise PlantUnstableError(
-        f"unstable at t={time:.3f} s: element {element} {FINDINGS[finding]} (dt={dt:.2g} s, predicted limit {limit:.2g} s from {name}); "
-        "most likely a sudden load or activation - smooth it (ramp >= 20 ms) or halve dt",
+        f"unstable at t={time:.3f} s: element {element} {FINDINGS[finding]} (dt={dt:.2g} s, predicted limit {limit.step:.2g} s from "
+        f"{limit.mechanism}); most likely a sudden load - smooth it (ramp >= 20 ms) or halve dt",
         time=time,
         element=element,
         mechanism=FINDINGS[finding],
-        recording=recording,
     )
 
 

@@ -51,14 +51,13 @@ class Stop:
         """What is wrong, as a predicate of the element."""
         return FINDINGS[self.finding] + (", thrown to and fro from step to step" if self.unstable else "")
 
-    def message(self, dt, limits):
-        """One sentence with the remedy, for a run at the step `dt` (s) with predicted `limits` (s)."""
-        name, limit = min(limits.items(), key=lambda item: item[1])
+    def message(self, dt, limit):
+        """One sentence with the remedy, for a run at the step `dt` (s) with the predicted `limit`, a `StepLimit`."""
         where = f"at t={self.time:.4g} s: element {self.element} {self.mechanism}"
         if not self.unstable:
             return f"stopped {where}; {REMEDIES[self.finding]}{'' if self.unstable is False else ', or halve dt'}"
         return (
-            f"unstable {where} (dt={dt:.2g} s, predicted limit {limit:.2g} s from {name}); "
+            f"unstable {where} (dt={dt:.2g} s, predicted limit {limit.step:.2g} s from {limit.mechanism}); "
             "most likely a sudden load or activation - smooth it (ramp >= 20 ms) or halve dt"
         )
 

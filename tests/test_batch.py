@@ -40,11 +40,18 @@ def test_every_arm_moves_as_it_would_alone(cases, threads):
         return [Plant(Arm.octopus(elements=n, taper=taper), Scene.free(factor=water)) for n, taper, water, _, _ in cases]
 
     activations = [drive(*sorted(groups), level=level) for *_, groups, level in cases]
+
+    def alone(plant, activation):
+        try:
+            return plant.advance(activation, 0.1)
+        except PlantUnstableError as error:  # a coarse arm at full level may curl tighter than its elements resolve
+            return error.recording
+
     together = simulate_batch(made(), activations, 0.1, threads=threads)
-    together.raise_if_failed()
-    alone = [plant.advance(activation, 0.1) for plant, activation in zip(made(), activations, strict=True)]
-    assert all(same(one, other) for one, other in zip(alone, together.recordings, strict=True))
-    assert together.arm_seconds == pytest.approx(0.1 * len(cases)) and together.throughput > 0
+    expected = [alone(plant, activation) for plant, activation in zip(made(), activations, strict=True)]
+    assert all(same(one, other) for one, other in zip(expected, together.recordings, strict=True))
+    assert [failure.index for failure in together.failures] == [i for i, arm in enumerate(expected) if not arm.complete]
+    assert together.throughput > 0
 
 
 def test_a_second_call_continues_the_batch():
