@@ -124,6 +124,11 @@ class Plant:
             _LIMITS[key] = self.step_limit()
         return _LIMITS[key]
 
+    def set_steps(self, steps):
+        """Take `steps` steps in each sample, stable or not: for studies of stability."""
+        self.steps = steps
+        self._prepare(self.sample_interval / steps)
+
     def _prepare(self, h):
         """Set all that depends on the step."""
         self.h = h
