@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .comparison import compare
     from .execution import execute
     from .planning import plan
+    from .plants import make_plant
     from .plots import plot
     from .results import Execution, Verdict
     from .store import load, save
@@ -51,6 +52,7 @@ _HOMES = {
     "octoctrl.comparison": ("compare",),
     "octoctrl.execution": ("execute",),
     "octoctrl.planning": ("plan",),
+    "octoctrl.plants": ("make_plant",),
     "octoctrl.plots": ("plot",),
     "octoctrl.results": ("Execution", "Verdict"),
     "octoctrl.store": ("load", "save"),
@@ -86,6 +88,7 @@ __all__ = [
     "compare",
     "execute",
     "load",
+    "make_plant",
     "plan",
     "plot",
     "save",

@@ -6,6 +6,7 @@ Exit codes: 0 well, 1 verdict failed, 2 bad input, 3 no plan, 4 plant unstable, 
 import json
 import signal
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -31,6 +32,7 @@ Overwrite = Annotated[bool, typer.Option("-f", "--force", help="Replace files th
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Show no progress.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change the task: task.phases.store.duration=1.2")]
+PlantName = Annotated[str | None, typer.Option("--plant", metavar="NAME", help="rod, or assembly: the full arm of 197 rods.")]
 TimeLimit = Annotated[float | None, typer.Option("--time-limit", metavar="SECONDS", help="Wall-clock limit of planning.")]
 
 
@@ -104,6 +106,7 @@ def plan(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PLAN.npz")],
     settings: Settings = None,
     time_limit: TimeLimit = None,
+    plant: PlantName = None,
     model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.json", help="Reduced model made by identify.")] = None,
     force: Overwrite = False,
     as_json: AsJson = False,
@@ -112,7 +115,7 @@ def plan(
     """Plan a task on the reduced model."""
     from .store import check_target
 
-    configuration = registry.load(task, overrides=settings or ())
+    configuration = _configuration(task, settings, plant)
     check_target(output, overwrite=force)
     made = _plan(configuration, output, time_limit, _display(quiet), model)
     _report(made, _plan_json(made), as_json)
@@ -125,12 +128,14 @@ def run(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.npz")],
     open_loop: Annotated[bool, typer.Option("--open-loop", help="Play the planned activations without feedback.")] = False,
     feedback: Annotated[str | None, typer.Option("--feedback", metavar="NAME", help="tvlqr, or open-loop.")] = None,
+    plant: PlantName = None,
     force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ):
-    """Carry out a plan on the plant; the file is kept up to date while the run goes on."""
+    """Carry out a plan on the plant that it was made for, or another one; the file is kept up to date while the run goes on."""
     from .configuration import check_feedback, parse
+    from .plants import check_plant
     from .store import check_target, load, read_header
 
     if open_loop and feedback not in (None, "open-loop"):
@@ -140,10 +145,11 @@ def run(
         written = origin.get("configuration")
         feedback = "open-loop" if open_loop else parse(written).run.feedback if written else "tvlqr"
     check_feedback(feedback)
+    check_plant(plant or loaded.plant)
     check_target(output, overwrite=force)
     if _plan_code(loaded):
         _say(f"the plan does not meet its goals: {loaded.status.value}")
-    execution = _run(loaded, feedback, output, force, origin, _display(quiet))
+    execution = _run(loaded, feedback, plant, output, force, origin, _display(quiet))
     _report(execution, _run_json(execution), as_json)
     return _run_code(execution, output)
 
@@ -186,6 +192,7 @@ def identify(
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="MODEL.json")] = None,
     task: Annotated[str, typer.Option("--task", metavar="FILE_OR_TASK", help="Where arm and scene are taken from.")] = "coil",
     settings: Settings = None,
+    plant: PlantName = None,
     force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -194,23 +201,25 @@ def identify(
     from .identifying import identification_text
     from .identifying import identify as fit
 
-    configuration = registry.load(task, overrides=settings or ())
-    found = fit(configuration.arm, configuration.scene, path=output, overwrite=force, progress=_display(quiet))
-    content = {"factors": {name: getattr(found.model.parameters, name) for name in found.names}, "deviations": found.deviations}
+    configuration = _configuration(task, settings, plant)
+    name = configuration.run.plant
+    found = fit(configuration.arm, configuration.scene, plant=name, path=output, overwrite=force, progress=_display(quiet))
+    content = {
+        "plant": name,
+        "factors": {name: getattr(found.model.parameters, name) for name in found.names},
+        "deviations": found.deviations,
+    }
     _report(identification_text(found), content | {"residual_rms": found.residual_rms, "statistics": found.statistics}, as_json)
 
 
 @app.command()
-def warmup(quiet: Quiet = False):
+def warmup(plant: PlantName = None, quiet: Quiet = False):
     """Compile the plant once, so that later runs start at once."""
-    from octoctrl.sim import plant
+    from . import plants
 
-    display = _display(quiet)
-    try:
-        plant.warmup(display)
-    finally:
-        display.stop()
-    print(" the plant is compiled")
+    name = plant or "rod"
+    plants.warmup(name, _display(quiet))
+    print(f" the plant is compiled: {plants.PLANTS[name]}")
 
 
 @app.command()
@@ -219,6 +228,7 @@ def demo(
     folder: Annotated[Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Default: demo-TASK, renewed each time.")] = None,
     settings: Settings = None,
     time_limit: TimeLimit = None,
+    plant: PlantName = None,
     force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -226,9 +236,10 @@ def demo(
     """Plan a task, carry it out in closed loop, verify it, and draw planned against simulated."""
     from .store import check_target
 
-    configuration = registry.load(task, overrides=settings or ())
+    configuration = _configuration(task, settings, plant)
     if folder is None:
-        folder, force = Path(f"demo-{Path(task).stem}"), True
+        ending = "" if configuration.run.plant == "rod" else f"-{configuration.run.plant}"
+        folder, force = Path(f"demo-{Path(task).stem}{ending}"), True
     folder.mkdir(parents=True, exist_ok=True)
     plan_file, run_file, picture = folder / "plan.npz", folder / "run.npz", folder / "traces.png"
     for path in (plan_file, run_file):
@@ -240,10 +251,7 @@ def demo(
         print(f"{made}\n")
     if _plan_code(made):
         return _plan_code(made)
-    from octoctrl.sim import plant
-
-    plant.warmup(display)
-    execution = _run(made, configuration.run.feedback, run_file, force, _origin(configuration), display)
+    execution = _run(made, configuration.run.feedback, None, run_file, force, _origin(configuration), display)
     if not as_json:
         print(f"{execution}\n")
     if _run_code(execution, run_file):
@@ -261,6 +269,12 @@ def demo(
 # ---------------------------------------------------------------- the work
 
 
+def _configuration(task, settings, plant):
+    """The configuration of a task; `--plant` counts more than its own `run.plant`."""
+    configuration = registry.load(task, overrides=settings or ())
+    return configuration if plant is None else replace(configuration, run=replace(configuration.run, plant=plant))
+
+
 def _plan(configuration, output, time_limit, display, model=None):
     from .planning import plan as make
     from .store import save
@@ -273,13 +287,13 @@ def _plan(configuration, output, time_limit, display, model=None):
     return made
 
 
-def _run(loaded, feedback, output, force, origin, display):
+def _run(loaded, feedback, plant, output, force, origin, display):
     from .execution import execute
     from .store import RunWriter
 
     writer = RunWriter(output, overwrite=force, origin=origin)
     try:
-        execution = execute(loaded, feedback=feedback, progress=display, checkpoint=writer)
+        execution = execute(loaded, feedback=feedback, plant=plant, progress=display, checkpoint=writer)
     finally:
         display.stop()
     writer.close(execution)
@@ -299,6 +313,7 @@ def _plan_json(made):
     return {
         "status": made.status.name.lower(),
         "message": made.status.value,
+        "plant": made.plant,
         "duration": made.schedule.duration,
         "phase_begins": made.phase_begins,
         "statistics": made.statistics,
@@ -310,6 +325,7 @@ def _run_json(execution):
         "status": execution.status.name.lower(),
         "message": execution.status.value,
         "feedback": execution.feedback,
+        "plant": execution.plant,
         "duration": float(execution.recording.time[-1]),
         "events": [{"phase": e.phase, "planned": e.planned, "actual": e.actual, "met": e.met} for e in execution.events],
         "statistics": execution.statistics,

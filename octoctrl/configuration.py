@@ -23,6 +23,7 @@ from octoctrl.sim.errors import OctoctrlError, check_number, suggest
 from octoctrl.sim.muscles import MuscleLaw
 from octoctrl.sim.scene import Scene
 
+from .plants import check_plant
 from .toml_source import Source, assign, found
 
 UNITS = {
@@ -84,12 +85,16 @@ class RunSettings:
     ----------
     feedback : {"tvlqr", "open-loop"}
         What corrects the activations while the plant moves.
+    plant : {"rod", "assembly"}
+        What the plan is made for and carried out on: one rod, or the full arm of 197 rods.
     """
 
     feedback: str = "tvlqr"
+    plant: str = "rod"
 
     def __post_init__(self):
         check_feedback(self.feedback)
+        check_plant(self.plant)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,8 @@ def execution_text(run):
     end = float(recording.time[-1])
     rate = run.statistics.get("wall_time")
     speed = f"   simulated in {rate:.1f} s" if isinstance(rate, int | float) else ""
-    lines = [f"run of '{run.plan.task.name}'   {end:.2f} s on arm {run.plan.arm.name}   feedback {run.feedback}{speed}"]
+    plant = run.plant if run.plant == run.plan.plant else f"{run.plant} (planned for {run.plan.plant})"
+    lines = [f"run of '{run.plan.task.name}'   {end:.2f} s on arm {run.plan.arm.name}   plant {plant}   feedback {run.feedback}{speed}"]
     rows = [(event.phase, f"{event.planned:.2f} s", f"{event.actual:.2f} s", "met" if event.met else "not met") for event in run.events]
     lines += table(("phase", "planned end", "actual end", "goals"), rows) if rows else []
     last = f"twist {trace.twist[-1]:+.2f}   lifted writhe {trace.lifted_writhe[-1]:+.2f}   lifted link {trace.lifted_link[-1]:+.2f}"

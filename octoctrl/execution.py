@@ -9,19 +9,20 @@ from octoctrl.sim.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, suggest
 from octoctrl.sim.recording import Recording
 
+from .plants import make_plant, warmup
 from .progress import NullProgress
 from .results import Event, Execution, ExecutionStatus
 
 FEEDBACKS = ("open-loop", "tvlqr")
 
-PERIOD = 0.05
-"""Time between corrections, s."""
+PERIOD, PERIODS = 0.05, {"assembly": 0.025}
+"""Time between corrections, s: the full arm, which its reduced model describes less well, is corrected more often."""
 
 PATIENCE = 0.3
 """A phase whose goals are not met at its planned end is held for at most this share of its duration."""
 
 
-def execute(plan, *, feedback="tvlqr", plant=None, period=PERIOD, patience=None, settle=0.0, progress=None, checkpoint=None):
+def execute(plan, *, feedback="tvlqr", plant=None, period=None, patience=None, settle=0.0, progress=None, checkpoint=None):
     """Carry out a plan.
 
     Parameters
@@ -30,10 +31,10 @@ def execute(plan, *, feedback="tvlqr", plant=None, period=PERIOD, patience=None,
     feedback : {"tvlqr", "open-loop"} or callable
         A callable gets ``(time, observation)`` and returns the levels of the muscle groups: a dict of group to level, or an array (11,)
         or (11, n) in the order of `octoctrl.sim.arm.MUSCLE_GROUPS`. It replaces the plan's activation.
-    plant : Plant, optional
-        The plan's arm and scene as a rod if omitted. It is reset.
-    period : float, s
-        Between corrections.
+    plant : Plant or {"rod", "assembly"}, optional
+        A plant, which is reset, or the name of one for the plan's arm and scene; the one that the plan was made for if omitted.
+    period : float, optional, s
+        Between corrections; `PERIOD`, or that of the plant in `PERIODS`, if omitted.
     patience : float, optional
         With feedback, the share of its duration for which a phase waits for its goals; `PATIENCE` if omitted.
     settle : float, s
@@ -50,14 +51,17 @@ def execute(plan, *, feedback="tvlqr", plant=None, period=PERIOD, patience=None,
     Raises
     ------
     OctoctrlError
-        If the feedback is unknown, or the plant is another arm than the plan's.
+        If the feedback or the plant's name is unknown, or the plant is another arm than the plan's.
     """
-    from octoctrl.sim.plant import Plant
-
-    plant = Plant(plan.arm, plan.scene) if plant is None else plant
+    if plant is None or isinstance(plant, str):
+        name = plan.plant if plant is None else plant
+        plant = make_plant(name, plan.arm, plan.scene)
+        warmup(name, progress)
     # Muscles may be other than planned, which is what feedback is for; another outline is another arm.
     if any(getattr(plant.arm, name) != getattr(plan.arm, name) for name in ("length", "base_radius", "taper")):
         plan.check_arm(plant.arm)
+    if period is None:
+        period = PERIODS.get(_name(plant), PERIOD)
     run = _Run(plan, plant, _controller(plan, feedback, period), period, settle)
     run.patience = (PATIENCE if patience is None else patience) if feedback == "tvlqr" else 0.0
     return run.to_the_end(progress or NullProgress(), checkpoint)
@@ -177,6 +181,10 @@ class _Constant:
         return np.repeat(self.held[None], len(times), axis=0)
 
 
+def _name(plant):
+    return getattr(plant, "model", type(plant).__name__)
+
+
 def _at_rest(observation):
     """The first instant as a recording, for a run that is cut short before it moves."""
     return Recording(
@@ -279,7 +287,7 @@ class _Run:
         simulated = float(recording.time[-1])
         return Execution(
             plan=self.plan, recording=recording, trace=trace, planned=_planned(self.plan.trace, clock, recording.time),
-            feedback=self.controller.name, events=tuple(self.events), status=status,
+            feedback=self.controller.name, plant=_name(self.plant), events=tuple(self.events), status=status,
             statistics={
                 "wall_time": wall_time,
                 "speed": simulated / wall_time if wall_time > 0 else 0.0,

@@ -8,7 +8,7 @@ from . import tasks
 from .configuration import Configuration
 
 
-def plan(task, *, arm=None, scene=None, model=None, time_limit=None, guess=None, progress=None, strict=False):
+def plan(task, *, arm=None, scene=None, plant=None, model=None, time_limit=None, guess=None, progress=None, strict=False):
     """Plan a task on the reduced model of an arm.
 
     Parameters
@@ -19,6 +19,8 @@ def plan(task, *, arm=None, scene=None, model=None, time_limit=None, guess=None,
         In place of the configuration's.
     scene : Scene, optional
         In place of the configuration's.
+    plant : {"rod", "assembly"}, optional
+        What the plan is for, in place of the configuration's.
     model : str, Path or IdentifiedModel, optional
         The arm's reduced model as `octoctrl.identifying.identify` makes it; the one that comes with octoctrl if omitted.
     time_limit : float, s, optional
@@ -47,7 +49,7 @@ def plan(task, *, arm=None, scene=None, model=None, time_limit=None, guess=None,
     configuration = as_configuration(task)
     arm = configuration.arm if arm is None else arm
     scene = configuration.scene if scene is None else scene
-    identified = load_model(model, arm, scene)
+    identified = load_model(model, arm, scene, configuration.run.plant if plant is None else plant)
     from octoctrl.planners import trajectory
 
     found = trajectory.plan(

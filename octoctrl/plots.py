@@ -204,8 +204,9 @@ class _Shape(NamedTuple):
 def _shape(recording, index, arm):
     from scipy.interpolate import CubicSpline
 
-    nodes = np.concatenate([[0.0], np.cumsum(np.diff(arm.edges))])
-    fine = np.linspace(0.0, arm.length, _STATIONS)
+    lengths = np.linalg.norm(np.diff(recording.points[index], axis=0), axis=1) / recording.stretch[index]
+    nodes = np.concatenate([[0.0], np.cumsum(lengths)])
+    fine = np.linspace(0.0, nodes[-1], _STATIONS)
     points = 1e3 * CubicSpline(nodes, recording.points[index])(fine)
     along = np.gradient(points, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)

@@ -44,6 +44,8 @@ class Execution:
         The plan's trace at the recorded times (held at its end after the plan is over).
     feedback : str
         ``"open-loop"``, ``"tvlqr"`` or the name of the callable.
+    plant : str
+        Name of the plant: ``"rod"``, ``"assembly"`` or what a plant of one's own is called.
     events : tuple of Event
     status : ExecutionStatus
     statistics : dict
@@ -55,6 +57,7 @@ class Execution:
     trace: TopologyTrace
     planned: TopologyTrace
     feedback: str
+    plant: str = "rod"
     events: tuple[Event, ...] = ()
     status: ExecutionStatus = ExecutionStatus.FINISHED
     statistics: dict = field(default_factory=dict)

@@ -57,6 +57,9 @@ GENERIC_FREE = (
 )  # fmt: skip
 """Factors fitted with the generic laws."""
 
+RESTING_TONE = 1e-3
+"""Level that the muscles of the full arm keep at rest."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValidityRegion:
@@ -123,6 +126,8 @@ class IdentifiedModel:
         What the arm can do at rest under levels up to the primitives' bound, found in advance so that a task can be refused at once.
     fingerprint : str
         Of the arm.
+    plant : str
+        Name of the plant that was recorded: ``"rod"`` or ``"assembly"``.
     statistics : dict
         Evaluations, wall time, software versions, runs.
     """
@@ -134,6 +139,7 @@ class IdentifiedModel:
     validity: ValidityRegion
     reach: ReachLimits
     fingerprint: str
+    plant: str = "rod"
     statistics: dict = field(default_factory=dict)
 
     @property
@@ -145,6 +151,7 @@ class IdentifiedModel:
         """Write everything but arm and scene to a ``.json`` file."""
         content = {
             "arm": self.fingerprint,
+            "plant": self.plant,
             "laws": self.model.laws,
             "sections": self.model.sections,
             "parameters": asdict(self.model.parameters),
@@ -186,16 +193,19 @@ class IdentifiedModel:
             validity=ValidityRegion(**validity),
             reach=ReachLimits(**{key: tuple(value) if isinstance(value, list) else value for key, value in content["reach"].items()}),
             fingerprint=content["arm"],
+            plant=content.get("plant", "rod"),
             statistics=content["statistics"],
         )
 
 
-def experiments(arm):
+def experiments(arm, plant="rod"):
     """Activations for identification.
 
     Parameters
     ----------
     arm : Arm
+    plant : {"rod", "assembly"}
+        The full arm is crushed by a transverse muscle at more than some 0.2, which a rod cannot show.
 
     Returns
     -------
@@ -203,7 +213,7 @@ def experiments(arm):
         Name, activation and duration (s) of each run, 20 s in all. The published coil-and-telescope programme is not among them: it
         stays held out.
     """
-    half = arm.length / 2
+    half, transverse = arm.length / 2, 0.6 if plant == "rod" else 0.1
     outer = (half, np.inf)
     runs = (
         ("oblique step and release", 2.5, (_on("R-OM", 0.3, 0.0, 0.3, 1.3),)),
@@ -211,14 +221,41 @@ def experiments(arm):
         ("bend and release", 3.0, (_on("LM8 LM1 LM2", 0.3, 0.0, 0.5, 1.6),)),
         ("twist, bend, untwist", 3.0, (_on("L-OM", 0.25, 0.0, 0.4, 1.8), _on("LM4 LM5 LM6", 0.3, 0.7, 1.0))),
         ("bend, then twist", 2.5, (_on("LM8 LM1 LM2", 0.2, 0.0, 0.4), _on("L-OM", 0.25, 1.2, 0.4))),
-        ("shorten, then elongate", 2.0, (_on(" ".join(LONGITUDINAL_GROUPS), 0.2, 0.0, 0.3, 0.9), _on("TM", 0.6, 1.0, 0.3))),
+        ("shorten, then elongate", 2.0, (_on(" ".join(LONGITUDINAL_GROUPS), 0.2, 0.0, 0.3, 0.9), _on("TM", transverse, 1.0, 0.3))),
         ("half bend, half twist", 1.5, (_on("LM6 LM7 LM8", 0.3, 0.0, 0.4, window=(0.0, half)), _on("R-OM", 0.2, 0.1, 0.4, window=outer))),
         ("random levels", 3.0, _random_levels(3.0)),
     )
     return tuple((name, Activation(templates=templates, composition="max"), duration) for name, duration, templates in runs)
 
 
-def load_identified(arm, scene=None, laws="known"):
+def first_guess(arm, plant="rod"):
+    """Factors from which identification starts.
+
+    Parameters
+    ----------
+    arm : Arm
+    plant : {"rod", "assembly"}
+        What `Arm.lumped` makes up for in one rod, the full arm has in bodies of their own.
+
+    Returns
+    -------
+    ReducedParameters
+    """
+    if plant == "rod":
+        return ReducedParameters()
+    lumped = arm.lumped
+    return ReducedParameters(
+        oblique_passive=1 / lumped.oblique_passive, torsion=1 / lumped.torsion, ring_torsion=0.1, squeeze=0.5, tone=RESTING_TONE
+    )
+
+
+def free_factors(laws, plant="rod"):
+    """Names of the factors that are fitted for a kind of muscle laws and a plant, tuple of str."""
+    free = KNOWN_FREE if laws == "known" else GENERIC_FREE
+    return free if plant == "rod" else (*(name for name in free if name != "torsion"), "ring_torsion", "squeeze")
+
+
+def load_identified(arm, scene=None, laws="known", plant="rod"):
     """The model that comes with octoctrl for an arm, or one without identified factors if the arm is another one.
 
     Parameters
@@ -226,16 +263,17 @@ def load_identified(arm, scene=None, laws="known"):
     arm : Arm
     scene : Scene, optional
     laws : {"known", "generic"}
+    plant : {"rod", "assembly"}
 
     Returns
     -------
     IdentifiedModel
-        Without an identification all factors are 1, ``names`` is empty and the validity region covers nothing.
+        Without an identification the factors are those of `first_guess`, ``names`` is empty and the validity region covers nothing.
     """
-    path = Path(__file__).parent / "identified" / f"{arm.fingerprint}-{laws}.json"
+    path = Path(__file__).parent / "identified" / f"{arm.fingerprint}-{plant}-{laws}.json"
     if path.is_file():
         return IdentifiedModel.load(path, arm, scene)
-    model = ReducedModel(arm=arm, scene=Scene() if scene is None else scene, laws=laws)
+    model = ReducedModel(arm=arm, scene=Scene() if scene is None else scene, laws=laws, parameters=first_guess(arm, plant))
     return IdentifiedModel(
         model=model,
         names=(),
@@ -244,10 +282,11 @@ def load_identified(arm, scene=None, laws="known"):
         validity=ValidityRegion(levels=dict.fromkeys(MUSCLE_GROUPS, 0.0), level_rate=0.0, bend=0.0, stretch=(1.0, 1.0)),
         reach=model.reach_limits(),
         fingerprint=arm.fingerprint,
+        plant=plant,
     )
 
 
-def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free=None, sections=8, max_evaluations=15):
+def identify(recordings, arm=None, scene=None, *, laws="known", plant="rod", start=None, free=None, sections=8, max_evaluations=15):
     """Fit the factors of the reduced model to recorded runs.
 
     Parameters
@@ -259,10 +298,12 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
     arm : Arm
     scene : Scene
     laws : {"known", "generic"}
+    plant : {"rod", "assembly"}
+        What was recorded.
     start : ReducedParameters, optional
-        First guess, and the value of the factors that are not fitted; all 1 when omitted.
+        First guess, and the value of the factors that are not fitted; `first_guess` when omitted.
     free : tuple of str, optional
-        Factors to fit; `KNOWN_FREE` or `GENERIC_FREE` when omitted. The linear drag sets the scale of forces: leave it out.
+        Factors to fit; `free_factors` when omitted. The linear drag sets the scale of forces: leave it out.
     sections : int
     max_evaluations : int
         Of the whole set of runs, not counting those for derivatives.
@@ -282,11 +323,9 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
         raise OctoctrlError("no recordings given; run `experiments(arm)` on a plant and pass (activation, recording) of each")
     check_number("max_evaluations", max_evaluations, at_least=1)
     begin = perf_counter()
-    free = (KNOWN_FREE if laws == "known" else GENERIC_FREE) if free is None else tuple(free)
+    arm, free = arm or Arm.octopus(), free_factors(laws, plant) if free is None else tuple(free)
     indices = factor_indices(free)
-    model = ReducedModel(
-        arm=arm or Arm.octopus(), scene=scene or Scene(), laws=laws, sections=sections, parameters=start or ReducedParameters()
-    )
+    model = ReducedModel(arm=arm, scene=scene or Scene(), laws=laws, sections=sections, parameters=start or first_guess(arm, plant))
     runs = [_Run(model, activation, recording) for activation, recording in recordings]
     base, compared = model.parameters.vector(), sum(run.measured.size for run in runs)
 
@@ -323,6 +362,7 @@ def identify(recordings, arm=None, scene=None, *, laws="known", start=None, free
         validity=_visited(model, runs),
         reach=found.reach_limits(),
         fingerprint=model.arm.fingerprint,
+        plant=plant,
         statistics={
             "evaluations": int(fit.nfev),
             "wall_time": perf_counter() - begin,

@@ -44,6 +44,8 @@ class Plan:
     trace : TopologyTrace
         Predicted topology, by the formula that also measures the plant.
     status : PlanStatus
+    plant : str
+        Name of the plant that it was made for, on which the reduced model was identified.
     statistics : dict
         Wall times, iterations, largest goal violation, headroom, model fingerprint and the like.
     """
@@ -57,12 +59,15 @@ class Plan:
     strains: np.ndarray
     trace: TopologyTrace
     status: PlanStatus
+    plant: str = "rod"
     statistics: dict = field(default_factory=dict)
 
     def __str__(self):
         phases = [*self.phase_begins.items()]
         ends = [*[begin for _, begin in phases[1:]], self.schedule.duration]
-        lines = [f"plan '{self.task.name}'   {self.schedule.duration:.2f} s on arm {self.arm.name} ({self.arm.fingerprint})"]
+        lines = [
+            f"plan '{self.task.name}'   {self.schedule.duration:.2f} s on arm {self.arm.name} ({self.arm.fingerprint})   plant {self.plant}"
+        ]
         lines.append(" phase        from     to     twist   lifted writhe   (at its end, predicted)")
         for (name, begin), end in zip(phases, ends, strict=True):
             twist, writhe = (np.interp(end, self.trace.time, getattr(self.trace, key)) for key in ("twist", "lifted_writhe"))

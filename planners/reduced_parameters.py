@@ -9,7 +9,7 @@ from octoctrl.sim.errors import OctoctrlError, check_number, suggest
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReducedParameters:
-    """Factors on what follows from the arm and the water; all 1 means nothing was identified.
+    """Factors on what follows from the arm and the water; as they stand by default, nothing was identified.
 
     Attributes
     ----------
@@ -31,6 +31,14 @@ class ReducedParameters:
         On the water's drag. Forces and drag share a scale in a model without inertia: keep one of them, by custom the linear drag, at 1.
     length_slope, length_curvature, passive_onset : float
         On the shape of the generic muscle laws; the known laws do not use them.
+    ring_torsion : float
+        Share of the torsional stiffness of a tube as thick as the layer of rings. In the full arm the rings keep the longitudinal muscles
+        upright, and the layer does not taper, so that it stiffens the thin tip most. 0 in an arm of one rod.
+    squeeze : float
+        Share by which fully active oblique muscles narrow the base, without the arm getting longer: the layers of the full arm give way
+        to each other. 0 in an arm of one rod.
+    tone : float
+        Level that the nerve cord, the longitudinal and the transverse muscles keep at rest. A property of the plant, never fitted.
     """
 
     longitudinal_stress: float = 1.0
@@ -49,6 +57,9 @@ class ReducedParameters:
     length_slope: float = 1.0
     length_curvature: float = 1.0
     passive_onset: float = 1.0
+    ring_torsion: float = 0.0
+    squeeze: float = 0.0
+    tone: float = 0.0
 
     def __post_init__(self):
         for item in fields(self):

@@ -2,7 +2,7 @@
 
 A section has four strains (k1, k2, k3, e): curvatures and twist rate per rest length, 1/m, and stretch. Every fibre of it has a length l
 per rest length of the arm, and its tension T does work on l only, so that the generalised force of all fibres is the sum of T dl/dq.
-With the radius scale lam = e**-nu and a fibre at the material place rho (sin phi, cos phi),
+With the radius scale lam = e**-nu / (1 + squeeze * oblique level) and a fibre at the material place rho (sin phi, cos phi),
 
     straight and oblique    l = sqrt(x^2 + b^2),  x = e + lam rho (k1 cos phi - k2 sin phi),  b = lam rho (turn + k3)
     transverse              l = lam
@@ -35,7 +35,7 @@ RATE_BLEND = 0.01
 
 CONSTANTS = (
     "cord_area", "muscle_area", "ring_area", "oblique_area", "muscle_offset", "oblique_offset", "oblique_stretch", "bending", "twisting",
-    "length",
+    "ring_twisting", "narrowing", "length",
 )  # fmt: skip
 """Order of a section's constants in the columns of `section_constants`."""
 
@@ -73,8 +73,19 @@ def section_constants(arm, sections, samples=60):
     lengths = arm.length / (sections * samples) * (outline**4 @ hats) / harmonic**4
     section = arm.section(np.interp(-harmonic, -arm.section(grid).outline, grid))
     offsets = (section.muscle_offset, section.oblique_offset, section.oblique_stretch)
-    stiffness = (section.bending_stiffness, section.twist_stiffness)
-    return np.array([*section.areas, *offsets, *stiffness, lengths])
+    ring_twisting = 4 * np.pi * arm.shear_modulus * arm.ring_radius * section.ring_offset**3
+    stiffness = (section.bending_stiffness, section.twist_stiffness, ring_twisting)
+    base = arm.section(0.0)
+    narrowing = (_inward_load(section) / _inward_load(base)) ** (2 / 3) * base.muscle_offset / section.muscle_offset
+    return np.array([*section.areas, *offsets, *stiffness, narrowing, lengths])
+
+
+def _inward_load(section):
+    """Force per length with which an active oblique family squeezes the section, over its stress.
+
+    Round layers that touch give way by the load to the power 2/3 (Hertz).
+    """
+    return section.areas[3] * (section.oblique_stretch - 1 / section.oblique_stretch) / section.oblique_offset
 
 
 def hinge(x, width):
@@ -167,7 +178,8 @@ def section_forces(arm, laws, q, u, constants, factors):
     names = dict(zip(FACTORS, ca.vertsplit(factors), strict=True))
     k1, k2, k3, e = ca.vertsplit(q)
     nu = arm.lumped.hoop_ratio * names["hoop_ratio"]
-    lam = e ** (-nu)
+    oblique = u[MUSCLE_GROUPS.index("R-OM")] + u[MUSCLE_GROUPS.index("L-OM")]
+    lam = e ** (-nu) / (1 + names["squeeze"] * value["narrowing"] * oblique)
     lam1 = -nu * lam / e
     lam2 = -(nu + 1) * lam1 / e
     curves = {
@@ -206,21 +218,23 @@ def section_forces(arm, laws, q, u, constants, factors):
 
     for index, group in enumerate(LONGITUDINAL_GROUPS):
         place = (value["muscle_offset"], azimuth(group))
-        off_axis("longitudinal", value["muscle_area"], u[index], names["longitudinal_stress"], 1.0, place, 0.0, 1.0)
+        off_axis("longitudinal", value["muscle_area"], u[index] + names["tone"], names["longitudinal_stress"], 1.0, place, 0.0, 1.0)
     embedded = arm.lumped.oblique_passive * names["oblique_passive"]
     for hand, group in ((1.0, "R-OM"), (-1.0, "L-OM")):
         place, level = (value["oblique_offset"], None), u[MUSCLE_GROUPS.index(group)]
         turn, rest = hand * pitch_rate, value["oblique_stretch"]
         off_axis("oblique", value["oblique_area"], level, names["oblique_stress"], embedded, place, turn, rest)
-    pull, stiffness = tension("transverse", value["ring_area"], u[MUSCLE_GROUPS.index("TM")], names["transverse_stress"], 1.0, lam, 1.0)
+    level = u[MUSCLE_GROUPS.index("TM")] + names["tone"]
+    pull, stiffness = tension("transverse", value["ring_area"], level, names["transverse_stress"], 1.0, lam, 1.0)
     gradients.append(ca.vertcat(0, 0, 0, lam1))
     force[3] += pull * lam1
     tangent[3, 3] += stiffness * lam1**2 + pull * lam2
-    pull, stiffness = tension("longitudinal", value["cord_area"], 0.0, 1.0, 1.0, e, 1.0)
-    viscosity.pop()  # the nerve cord has no muscle
+    pull, stiffness = tension("longitudinal", value["cord_area"], names["tone"], 1.0, 1.0, e, 1.0)
+    viscosity.pop()  # the tone of the nerve cord is too small for any
     force[3] += pull
     tangent[3, 3] += stiffness
-    own = ca.vertcat(*2 * [value["bending"] * names["bending"]], value["twisting"] * names["torsion"], 0.0)
+    twisting = value["twisting"] * names["torsion"] + value["ring_twisting"] * names["ring_torsion"]
+    own = ca.vertcat(*2 * [value["bending"] * names["bending"]], twisting, 0.0)
     length = value["length"]
     return SectionForces(
         length * (force + own * q),

@@ -330,7 +330,7 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
     model = identified.model
     reason = unreachable(task, identified.reach)
     if reason:
-        return _nothing(task, model, reason, perf_counter() - begin)
+        return replace(_nothing(task, model, reason, perf_counter() - begin), plant=identified.plant)
     if progress is not None:
         progress.start("planning")
     problem = _problem(task, model)
@@ -420,7 +420,8 @@ def _finished(problem, identified, p, status, statistics):
         )
     return Plan(
         task=task, arm=model.arm, scene=model.scene, schedule=schedule, phase_begins=begins, time=motion.time, strains=motion.strains,
-        trace=model.trace(motion.time, motion.strains, task.convention), status=status, statistics=statistics,
+        trace=model.trace(motion.time, motion.strains, task.convention), status=status,
+        plant=identified.plant, statistics=statistics,
     )  # fmt: skip
 
 

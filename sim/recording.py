@@ -70,6 +70,12 @@ class Recording:
         }
         return replace(pieces[0], **fields)
 
+    def until(self, time):
+        """The recording up to `time` (s), included."""
+        kept = int(np.searchsorted(self.time, time + 1e-9))
+        cut = {name: getattr(self, name)[:kept] for name in ("time", "points", "frames", "stretch", "levels")}
+        return replace(self, **cut, energy={name: series[:kept] for name, series in self.energy.items()})
+
     @property
     def length(self):
         """Arm length, m, (T,)."""

@@ -1,0 +1,86 @@
+"""The plants by name: what a plan can be carried out on."""
+
+from time import perf_counter
+
+from octoctrl.sim.errors import check_choice
+
+PLANTS = {"rod": "one Cosserat rod of the arm's outline", "assembly": "the full arm of 197 rods"}
+"""Name of each plant, and what it is."""
+
+_COMPILING = {"rod": "compiled once", "assembly": "compiled once, in about a minute"}
+
+
+def check_plant(name):
+    """Check the name of a plant.
+
+    Parameters
+    ----------
+    name : str
+
+    Raises
+    ------
+    OctoctrlError
+        If it is unknown; the message suggests the nearest.
+    """
+    check_choice("plant", name, tuple(PLANTS))
+
+
+def make_plant(name="rod", arm=None, scene=None, **options):
+    """Make a plant by name.
+
+    Parameters
+    ----------
+    name : {"rod", "assembly"}
+        One Cosserat rod of the arm's outline (`octoctrl.sim.plant.Plant`), or the full arm of 197 rods
+        (`octoctrl.sim.assembly.AssemblyPlant`), which takes some 500 times as long.
+    arm : Arm, optional
+        The octopus arm if omitted.
+    scene : Scene, optional
+    **options
+        As the class takes them, such as ``dt`` and ``record_every``.
+
+    Returns
+    -------
+    Plant
+
+    Raises
+    ------
+    OctoctrlError
+        If the name is unknown or an argument is out of range.
+    """
+    check_plant(name)
+    if name == "rod":
+        from octoctrl.sim.plant import Plant
+
+        return Plant(arm, scene, **options)
+    from octoctrl.sim.assembly import AssemblyPlant
+
+    return AssemblyPlant(arm, scene, **options)
+
+
+def warmup(name="rod", progress=None):
+    """Compile a plant, or load it from the cache on disk.
+
+    Parameters
+    ----------
+    name : {"rod", "assembly"}
+    progress : Progress, optional
+        Live display.
+
+    Returns
+    -------
+    float, s
+        How long it took.
+    """
+    from octoctrl.sim.activation import Activation
+
+    begin = perf_counter()
+    plant = make_plant(name)
+    if progress is not None:
+        progress.start(f"preparing the plant '{name}' ({_COMPILING[name]}, and kept on disk)")
+    try:
+        plant.advance(Activation(), plant.sample_interval)
+    finally:
+        if progress is not None:
+            progress.stop()
+    return perf_counter() - begin
