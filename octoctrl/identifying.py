@@ -6,7 +6,7 @@ from octoctrl.sim.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.scene import Scene
 
-from .plants import make_plant, warmup
+from .plants import check_plant, make_plant, warmup
 from .progress import NullProgress
 from .store import check_target
 
@@ -103,6 +103,7 @@ def load_model(model, arm, scene, plant="rod"):
     """
     from octoctrl.planners import identification
 
+    check_plant(plant)
     if model is None:
         return identification.load_identified(arm, scene, plant=plant)
     if isinstance(model, str | Path):

@@ -1,0 +1,228 @@
+"""Plants by name: one factory, one option of every command, and tasks planned for and carried out on the full arm."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import octoctrl as oc
+from octoctrl import identifying, store, tasks
+from octoctrl.cli import main
+from octoctrl.execution import PERIODS, execute
+from octoctrl.identifying import identify, load_model
+from octoctrl.planners import identification
+from octoctrl.planners.plan import PlanStatus
+from octoctrl.planners.reduced_parameters import ReducedParameters
+from octoctrl.planners.reduced_statics import CONSTANTS, section_constants
+from octoctrl.plants import PLANTS
+from octoctrl.results import ExecutionStatus
+from octoctrl.sim.assembly_layout import AssemblyRow
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.plant import Plant
+from octoctrl.verification import verify
+
+ARM = oc.Arm.octopus()
+
+
+@pytest.fixture(scope="module")
+def plan():
+    found = oc.plan("coil", plant="assembly")
+    assert found.status is PlanStatus.SOLVED
+    return found
+
+
+def shortened(plan, duration):
+    """The plan's first stretch as a plan of its own."""
+    phases = (replace(plan.task.phases[0], shortest=duration, duration=duration, goals=()),)
+    drives = tuple(replace(drive, ends="") for drive in plan.task.drives if drive.begins == "store")
+    schedule = replace(plan.schedule, duration=duration)
+    return replace(plan, task=replace(plan.task, phases=phases, drives=drives), schedule=schedule, phase_begins={"store": 0.0})
+
+
+# By name
+
+
+def test_factory_makes_each_plant_for_arm_and_scene():
+    scene = oc.Scene.free(factor=2.0)
+    for name in PLANTS:
+        made = oc.make_plant(name, ARM, scene, record_every=4)
+        assert made.model == name and made.arm is ARM and made.scene is scene and made.record_every == 4
+    assert type(oc.make_plant()) is Plant
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: oc.make_plant("asembly"),
+        lambda: oc.plan("coil", plant="asembly"),
+        lambda: oc.execute(oc.plan("coil"), plant="asembly"),
+        lambda: identify(plant="asembly"),
+        lambda: tasks.load("coil", overrides=["run.plant=asembly"]),
+    ],
+)
+def test_unknown_plant_is_refused_with_the_nearest(call):
+    with pytest.raises(OctoctrlError, match=r"unknown plant 'asembly'; did you mean 'assembly'\? \(rod, assembly\)"):
+        call()
+
+
+@pytest.mark.parametrize("command", [["plan", "coil", "-o", "p.npz"], ["identify"], ["demo", "coil"], ["warmup"]])
+def test_every_command_refuses_an_unknown_plant(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main([*command, "--plant", "asembly"]) == 2
+    assert "unknown plant 'asembly'; did you mean 'assembly'?" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+# Reduced models belong to a plant
+
+
+def test_models_of_the_full_arm_come_with_octoctrl():
+    for laws in ("known", "generic"):
+        found = identification.load_identified(ARM, laws=laws, plant="assembly")
+        assert found.plant == "assembly" and {"ring_torsion", "squeeze"} <= set(found.names) and found.residual_rms < 0.05
+        assert found.model.parameters.tone == identification.RESTING_TONE and "tone" not in found.names
+    rod = identification.load_identified(ARM)
+    assert rod.plant == "rod" and rod.model.parameters.ring_torsion == rod.model.parameters.squeeze == rod.model.parameters.tone == 0.0
+
+
+def test_model_of_another_plant_is_refused(tmp_path):
+    path = tmp_path / "model.json"
+    identification.load_identified(ARM, plant="assembly").save(path)
+    assert load_model(path, ARM, oc.Scene(), "assembly").plant == "assembly"
+    with pytest.raises(OctoctrlError, match="identified on the plant 'assembly', the plan is for 'rod'"):
+        load_model(path, ARM, oc.Scene(), "rod")
+
+
+def test_squeeze_and_ring_torsion_act_as_said():
+    """Squeeze narrows the section in proportion to the oblique level; the tube of rings counts for more and more towards the tip."""
+    constants = dict(zip(CONSTANTS, section_constants(ARM, 8), strict=True))
+    assert (np.diff(constants["ring_twisting"] / constants["twisting"]) > 0).all()
+    assert (np.diff(constants["narrowing"]) < 0).all() and 0.9 < constants["narrowing"][0] < 1.0
+    levels = np.zeros((11, 8))
+    levels[9] = 0.3
+    rest = identification.load_identified(ARM).model
+    twists = []
+    for change in ({}, {"squeeze": 0.5}, {"ring_torsion": 0.5}):
+        model = replace(rest, parameters=replace(rest.parameters, **change))
+        twists.append(model.equilibrium(levels)[:, 2])
+    assert (twists[1] > 0).all() and (twists[2] < twists[0]).all()
+    assert (np.diff(twists[2] / twists[0]) < 0).all()
+
+
+def test_tone_takes_up_the_slack():
+    """Without tone nothing acts within the slack of 2.5 %; with it the arm rests at its short end."""
+    rest = identification.load_identified(ARM).model
+    toned = replace(rest, parameters=replace(rest.parameters, tone=1e-3))
+    assert np.abs(rest.equilibrium(np.zeros((11, 8)))[:, 3] - 1).max() < 1e-9
+    assert (np.abs(toned.equilibrium(np.zeros((11, 8)))[:, 3] - 0.975) < 5e-3).all()
+
+
+def test_first_guess_takes_back_what_one_rod_lumps():
+    guess = identification.first_guess(ARM, "assembly")
+    assert guess.torsion * ARM.lumped.torsion == guess.oblique_passive * ARM.lumped.oblique_passive == pytest.approx(1.0)
+    assert identification.first_guess(ARM) == ReducedParameters()
+    assert "torsion" not in identification.free_factors("known", "assembly")
+
+
+# Identification when a run ends early
+
+
+class Brittle(Plant):
+    """A rod that breaks at 1 s."""
+
+    def advance(self, activation, duration, **options):
+        recording = super().advance(activation, min(duration, 1.0), **options)
+        if duration > 1.0:
+            raise PlantUnstableError("broken at t=1.000 s", time=1.0, element=3, mechanism="stretch", recording=recording)
+        return recording
+
+
+def test_run_that_diverges_is_cut_short_and_said(monkeypatch):
+    runs = identification.experiments(ARM)[3:5]
+    monkeypatch.setattr(identification, "experiments", lambda arm, plant: runs)
+    monkeypatch.setattr(identifying, "make_plant", lambda *_: Brittle(ARM))
+    taken = {}
+    fit = identification.identify
+    monkeypatch.setattr(
+        identification, "identify", lambda recordings, *a, **k: taken.setdefault("found", fit(recordings, *a, **k, max_evaluations=1))
+    )
+    found = identify(ARM)
+    assert found.statistics["cut_short"] == {name: "broken at t=1.000 s" for name, _, _ in runs}
+    assert found.statistics["seconds"] == pytest.approx(2 * 0.78)
+    assert "cut short: 'twist, bend, untwist', broken at t=1.000 s" in identifying.identification_text(found)
+    monkeypatch.setattr(identifying, "LEAST_RUN", 2.0)
+    with pytest.raises(PlantUnstableError, match="broken"):
+        identify(ARM)
+
+
+# Planning and running
+
+
+def test_plan_knows_its_plant(plan, tmp_path):
+    assert plan.plant == "assembly" and "plant assembly" in str(plan)
+    store.save(tmp_path / "plan.npz", plan)
+    assert store.load(tmp_path / "plan.npz").plant == "assembly"
+    other = oc.plan("coil")
+    assert other.plant == "rod" and other.statistics["numbers"] != plan.statistics["numbers"]
+
+
+def test_plan_for_the_full_arm_stays_where_the_model_was_identified(plan):
+    assert plan.statistics["extrapolates"] == [] and plan.statistics["headroom"] > 0.25
+
+
+def test_short_stretch_in_closed_loop_on_the_full_arm(plan, tmp_path, monkeypatch, capsys):
+    """The same through the command line and the library: plant chosen by the plan, named in file and text, followed closely."""
+    monkeypatch.chdir(tmp_path)
+    short = shortened(plan, 0.15)
+    store.save("plan.npz", short)
+    assert main(["run", "plan.npz", "-o", "run.npz", "--json", "-q"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["plant"] == "assembly" and answer["status"] == "finished"
+    run = store.load("run.npz")
+    assert run.plant == "assembly" and "plant assembly " in str(run) and run.recording.stretch.shape[1] == 180
+    assert run.recording.time[-1] == pytest.approx(0.15) and run.trace.twist[-1] < -0.05
+    assert np.abs(run.trace.twist - run.planned.twist).max() < 0.05
+    again = execute(short, plant="assembly", period=PERIODS["assembly"])
+    np.testing.assert_array_equal(again.recording.points, run.recording.points)
+    assert verify(run).checks
+
+
+def test_plan_for_one_plant_runs_on_another_and_says_so(plan):
+    run = execute(shortened(plan, 0.15), plant="rod", feedback="open-loop")
+    assert run.plant == "rod" and "plant rod (planned for assembly)" in str(run)
+    assert oc.Execution(**{name: getattr(run, name) for name in run.__slots__} | {"plant": "mine"}).plant == "mine"
+
+
+def test_divergence_on_the_full_arm_names_the_rod_and_keeps_the_motion(plan):
+    class Kicked(type(oc.make_plant("assembly"))):
+        def advance(self, activation, duration, **options):
+            if self.time > 0.04:
+                self.rods.oblique(AssemblyRow.V2, nodes=True)[6, 200] = 5000.0  # m/s, which no step survives
+            return super().advance(activation, duration, **options)
+
+    run = execute(shortened(plan, 0.3), plant=Kicked(ARM), feedback="open-loop")
+    assert run.status is ExecutionStatus.UNSTABLE and re.search(r"element \d+ of (R-OM helix 3|ring \d+)", run.recording.note)
+    assert 0.04 <= run.recording.time[-1] < 0.3 and np.isfinite(run.recording.points).all()
+
+
+@pytest.mark.slow
+def test_whole_coil_on_the_full_arm(plan):
+    """Store one turn, spiral of two, two passages of two turns each, link constant while telescoping; planned as simulated."""
+    run = execute(plan)
+    assert run.status is ExecutionStatus.FINISHED and all(event.met for event in run.events)
+    verify(run, strict=True)
+    trace, ends = run.trace, {event.phase: event.actual for event in run.events}
+
+    def at(name, phase):
+        return np.interp(ends[phase], trace.time, getattr(trace, name))
+
+    assert abs(at("twist", "store")) == pytest.approx(1.0, abs=0.1)
+    assert abs(at("lifted_writhe", "cross")) == pytest.approx(2.0, abs=0.15) and abs(at("lifted_link", "cross")) == pytest.approx(
+        2.0, abs=0.15
+    )
+    jumps = np.diff(trace.writhe - trace.lifted_writhe)
+    assert np.abs(jumps[np.abs(jumps) > 1]).round(6).tolist() == [2.0, 2.0]
+    link = trace.lifted_link[trace.time >= ends["cross"]]
+    assert np.abs(link - link.mean()).max() <= 0.15
