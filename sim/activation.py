@@ -185,14 +185,20 @@ class Activation:
         used = {group for template in self.templates for group in template.groups}
         return tuple(group for group in MUSCLE_GROUPS if group in used)
 
-    def compose(self, math, group, time, lower, upper):
-        """Mean activation of `group` in the cells [lower, upper] at `time`, with the module `math`; not checked for saturation."""
+    def compose(self, math, group, time, lower, upper, known=None):
+        """Mean activation of `group` in the cells [lower, upper] at `time`, with the module `math`; not checked for saturation.
+
+        A dict `known` keeps what the groups of a template share.
+        """
         where = np.where if math is np else math.if_else
         total = 0.0 * (time + lower)
-        for template in self.templates:
+        known = {} if known is None else known
+        for index, template in enumerate(self.templates):
             if group not in template.groups:
                 continue
-            value, coverage = template.values(math, time, lower, upper), template.coverage(lower, upper)
+            if index not in known:
+                known[index] = template.values(math, time, lower, upper), template.coverage(lower, upper)
+            value, coverage = known[index]
             if self.composition == "add":
                 total = total + coverage * value
             elif self.composition == "max":
@@ -220,9 +226,9 @@ class Activation:
             If a level leaves [0, 1] and `on_saturation` is ``"error"``.
         """
         times, edges = np.asarray(times, dtype=float), np.asarray(edges, dtype=float)
-        levels = np.zeros((times.size, len(MUSCLE_GROUPS), edges.size - 1))
+        levels, known = np.zeros((times.size, len(MUSCLE_GROUPS), edges.size - 1)), {}
         for group in self.groups:
-            levels[:, MUSCLE_GROUPS.index(group)] = self.compose(np, group, times[:, None], edges[:-1], edges[1:])
+            levels[:, MUSCLE_GROUPS.index(group)] = self.compose(np, group, times[:, None], edges[:-1], edges[1:], known)
         if levels.max(initial=0.0) > 1 + 1e-12 and self.on_saturation == "error":
             self._raise_saturated(levels, times, edges)
         return np.clip(levels, 0.0, 1.0, out=levels)

@@ -176,9 +176,9 @@ def fibre_kernels(stride):
             rate = slope * b[RATE + k]
             isometric = b[LEVEL + k] * isometric_stress(law, lam)
             viscosity = isometric * hill_secant(law, rate)
-            area = b[RING_AREA + k] / lam
-            b[TENSION + k] += area * (isometric + viscosity * rate) * slope
-            b[STIFF + k] += area * viscosity * slope * slope
+            area = b[RING_AREA + k] * b[SHRINK + k]
+            b[TENSION + k] += area * (isometric + viscosity * rate)
+            b[STIFF + k] += area * viscosity * slope
 
     return longitudinal, oblique, transverse
 
@@ -294,11 +294,10 @@ def section_kernels(stride):
             l0, l3 = (e + turn * turn * shrink) * inverse, turn * rho * inverse
             pull = rest * inverse * passive_stress(law, square * inverse * unrest)
             area = b[OBLIQUE_AREA + k]
-            slope = lam * shrink
-            ring = b[RING_AREA + k] / lam * slope
+            ring = b[RING_AREA + k] * shrink
             b[TENSION + k] += area * (tension + pull * l0) + ring * passive_stress(transverse, lam)
             b[MOMENT3 + k] += area * (moment + pull * l3)
-            b[STIFF + k] += elastic * (law.tangent * area * (stiff + inverse * l0 * l0) + transverse.tangent * ring * slope)
+            b[STIFF + k] += elastic * (law.tangent * area * (stiff + inverse * l0 * l0) + transverse.tangent * ring * lam * shrink)
             b[STIFF_TURN + k] += elastic * law.tangent * area * (stiff_turn + inverse * l3 * l3)
 
     @kernel

@@ -30,7 +30,7 @@ REST_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 LARGEST_STEP = 1e-3
 """What ``dt="auto"`` takes at most, s: coarse arms would be stable beyond, but miss the onset of their muscles."""
 
-CHUNK = 50
+CHUNK = 100
 """Samples per compiled call: how often progress is shown and Ctrl-C is answered."""
 
 _LIMITS = {}
@@ -291,7 +291,7 @@ class Plant:
     @staticmethod
     def _active(levels):
         """Which groups pull in each sample (samples, 11); the others' active laws are left out, which changes no bit."""
-        pulls = levels.max(axis=2) > 0
+        pulls = levels @ np.ones(levels.shape[2]) > 0
         return pulls[1:] | pulls[:-1]
 
     def _step(self, h, steps, levels, points, frames, stretch):
