@@ -4,6 +4,7 @@ Times are processor times, each the fastest of several runs of the same short st
 neighbours. Failures (refused, stopped) stay in the tables.
 """
 
+import json
 import os
 import platform
 import time
@@ -137,7 +138,7 @@ def machine():
     }
 
 
-def page(tables, command):
+def page_text(tables, command):
     """Results as one page of documentation.
 
     Parameters
@@ -158,6 +159,26 @@ def page(tables, command):
         "busy machine they vary by some ten percent, ratios less, errors not at all.",
     ]
     return "\n\n".join([*head, *(item.markdown() for item in tables)]) + "\n"
+
+
+def write(tables, command, *, output=None, picture=None, page=None):
+    """Write results to files.
+
+    Parameters
+    ----------
+    tables : list of Table
+    command : str
+        What made them.
+    output, picture, page : Path, optional
+        JSON, plot and page of documentation.
+    """
+    if output is not None:
+        content = {"command": command, "machine": machine(), "tables": {item.name: item.content() for item in tables}}
+        output.write_text(json.dumps(content, indent=2), encoding="utf-8")
+    if page is not None:
+        page.write_text(page_text(tables, command), encoding="utf-8")
+    if picture is not None:
+        draw(tables, picture)
 
 
 def draw(tables, path):
@@ -213,7 +234,7 @@ def fastest(work, times):
     return float(spent[0]), float(spent[1])
 
 
-def timed_motion(plant, activation, duration, times, piece=0.5):
+def timed_motion(plant, activation, duration, times, piece=1.0):
     """Move a plant and measure how long that takes.
 
     Parameters

@@ -113,11 +113,14 @@ def plan(
     quiet: Quiet = False,
 ):
     """Plan a task on the reduced model."""
+    from .diagnosis import plan_header
     from .store import check_target
 
     configuration = _configuration(task, settings, plant)
     check_target(output, overwrite=force)
     made = _plan(configuration, output, time_limit, _display(quiet), model)
+    if not as_json:
+        print(plan_header(configuration))
     _report(made, _plan_json(made), as_json)
     return _plan_code(made)
 
@@ -223,6 +226,52 @@ def warmup(plant: PlantName = None, quiet: Quiet = False):
 
 
 @app.command()
+def bench(
+    parts: Annotated[list[str] | None, typer.Argument(metavar="[PART]...", help="rod, assembly, reduced, closed-forms, ...")] = None,
+    full: Annotated[bool, typer.Option("--full", help="More cases; without PARTs, all of them (many minutes).")] = False,
+    output: Annotated[Path | None, typer.Option("--json", metavar="FILE.json", help="Write the numbers.")] = None,
+    picture: Annotated[Path | None, typer.Option("--plot", metavar="PICTURE", help="Draw time against error: .png, .pdf or .svg.")] = None,
+    page: Annotated[Path | None, typer.Option("--page", metavar="FILE.md", help="Write the tables as a page.")] = None,
+    force: Overwrite = False,
+    quiet: Quiet = False,
+):
+    """Measure run time against error, scaling, step limits, what is skipped, and start-up (two minutes without --full)."""
+    from . import benchmarking
+    from .store import check_target
+
+    for path, suffixes in ((output, (".json",)), (picture, (".png", ".pdf", ".svg")), (page, (".md",))):
+        if path is not None:
+            check_target(path, overwrite=force, suffixes=suffixes)
+    display = _display(quiet)
+    try:
+        tables = benchmarking.run(parts or (), full=full, progress=display)
+    finally:
+        display.stop()
+    print(*tables, sep="\n\n")
+    command = " ".join(["octoctrl bench", *(parts or ()), *(["--full"] if full else []), *(["--page", str(page)] if page else [])])
+    benchmarking.write(tables, command, output=output, picture=picture, page=page)
+
+
+@app.command()
+def doctor(
+    task: Annotated[str | None, typer.Argument(metavar="[FILE_OR_TASK]", help="A task; the installation alone if omitted.")] = None,
+    settings: Settings = None,
+    plant: PlantName = None,
+    as_json: AsJson = False,
+):
+    """Check the installation, and say what a task needs, what is left out for it, and how long it will run."""
+    from . import diagnosis
+
+    findings = diagnosis.installation()
+    needs = None if task is None else diagnosis.needs(_configuration(task, settings, plant))
+    if as_json:
+        _print_json({"installation": findings.content()} | ({} if needs is None else {"task": needs.content()}))
+    else:
+        print(findings, *([] if needs is None else [needs]), sep="\n\n")
+    return OK if findings.sound else BAD_INPUT
+
+
+@app.command()
 def demo(
     task: Annotated[str, typer.Argument(metavar="TASK", help="Name of a task, or a task file.")] = "coil",
     folder: Annotated[Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Default: demo-TASK, renewed each time.")] = None,
@@ -288,12 +337,18 @@ def _plan(configuration, output, time_limit, display, model=None):
 
 
 def _run(loaded, feedback, plant, output, force, origin, display):
+    from . import plants
+    from .diagnosis import header
     from .execution import execute
     from .store import RunWriter
 
     writer = RunWriter(output, overwrite=force, origin=origin)
     try:
-        execution = execute(loaded, feedback=feedback, plant=plant, progress=display, checkpoint=writer)
+        plants.warmup(plant or loaded.plant, display)
+        made = plants.make_plant(plant or loaded.plant, loaded.arm, loaded.scene)
+        if not isinstance(display, NullProgress):
+            _say(header(made, loaded.schedule.activation().groups))
+        execution = execute(loaded, feedback=feedback, plant=made, progress=display, checkpoint=writer)
     finally:
         display.stop()
     writer.close(execution)

@@ -55,8 +55,8 @@ def execute(plan, *, feedback="tvlqr", plant=None, period=None, patience=None, s
     """
     if plant is None or isinstance(plant, str):
         name = plan.plant if plant is None else plant
-        plant = make_plant(name, plan.arm, plan.scene)
         warmup(name, progress)
+        plant = make_plant(name, plan.arm, plan.scene)
     # Muscles may be other than planned, which is what feedback is for; another outline is another arm.
     if any(getattr(plant.arm, name) != getattr(plan.arm, name) for name in ("length", "base_radius", "taper")):
         plan.check_arm(plant.arm)

@@ -75,10 +75,11 @@ def warmup(name="rod", progress=None):
     from octoctrl.sim.activation import Activation
 
     begin = perf_counter()
-    plant = make_plant(name)
+    check_plant(name)
     if progress is not None:
         progress.start(f"preparing the plant '{name}' ({_COMPILING[name]}, and kept on disk)")
     try:
+        plant = make_plant(name)
         plant.advance(Activation(), plant.sample_interval)
     finally:
         if progress is not None:

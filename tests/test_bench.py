@@ -1,0 +1,140 @@
+"""Benchmarks: tables, files, closed forms, and that failures stay in the table."""
+
+import json
+
+import numpy as np
+import pytest
+
+from octoctrl import benchmark_precision, benchmarking
+from octoctrl.benchmark_closed_forms import CASES, circle
+from octoctrl.benchmark_speed import arm_step, elastic_rod
+from octoctrl.benchmark_startup import child
+from octoctrl.benchmarking import PARTS, Table, fastest, timed_motion
+from octoctrl.cli import main
+from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.arm import Arm
+from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.plant import Plant
+
+BEND = Activation(templates=(Plateau(groups=("LM1",), level=0.1, rise=0.1),))
+
+
+def small(**changes):
+    fields = {
+        "columns": ("case", "error, %", "ms"),
+        "formats": ("", ".2f", ".1f"),
+        "rows": (("a", 1.0, 2.0), ("a", 0.5, None), ("b", 0.1, 9.0)),
+    }
+    return Table(name="rod", title="Title", note="Note.", **(fields | {"curve": ("error, %", "ms", "case")} | changes))
+
+
+def test_a_table_is_text_markdown_and_data():
+    table = small()
+    assert str(table).splitlines()[0] == "Title" and "0.50" in str(table)
+    assert "| a | 0.50 |  |" in table.markdown()
+    assert table.content()["rows"][1] == {"case": "a", "error, %": 0.5, "ms": None}
+
+
+def test_bench_writes_json_page_and_picture(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(benchmarking, "run", lambda parts, full, progress: [small()])
+    files = [tmp_path / "out.json", tmp_path / "page.md", tmp_path / "plot.png"]
+    arguments = ["bench", "rod", "-q", "--json", str(files[0]), "--page", str(files[1]), "--plot", str(files[2])]
+    assert main(arguments) == 0
+    assert "Title" in capsys.readouterr().out
+    content = json.loads(files[0].read_text())
+    assert content["tables"]["rod"]["rows"][0]["ms"] == 2.0 and content["machine"]["cores"].isdigit()
+    assert "host" not in content["machine"] and "octoctrl bench rod" in files[1].read_text()
+    assert files[2].stat().st_size > 1000
+    assert main(arguments) == 2 and "use -f to replace" in capsys.readouterr().err
+
+
+def test_an_unknown_part_is_refused(capsys):
+    assert main(["bench", "rods", "-q"]) == 2
+    assert "did you mean 'rod'?" in capsys.readouterr().err
+
+
+def test_a_plot_needs_a_curve(tmp_path):
+    with pytest.raises(OctoctrlError, match="nothing to plot"):
+        benchmarking.draw([small(curve=None)], tmp_path / "plot.png")
+
+
+def test_every_part_exists():
+    from importlib import import_module
+
+    for module, function in PARTS.values():
+        assert callable(getattr(import_module(f"octoctrl.benchmark_{module}"), function))
+
+
+def test_failures_stay_in_the_table():
+    reference = Plant(Arm.octopus(elements=24), record_every=4).advance(BEND, 0.5)
+    length = 0.2
+
+    def forced():
+        plant = Plant(record_every=4)
+        plant.set_steps(2)
+        return plant
+
+    choices = {"well": Plant, "refused": lambda: Plant(dt=1e-3), "stopped": forced}
+    ends = {}
+    for label, make in choices.items():
+        made = (lambda: Plant(record_every=4)) if label == "well" else make
+        row = benchmark_precision._row("case", label, made, BEND, 0.5, reference, length, 1)
+        assert len(row) == len(benchmark_precision.COLUMNS) == len(benchmark_precision.COLUMN_FORMATS)
+        ends[label] = row[3]
+    assert ends["well"] == "well"
+    assert ends["refused"].startswith("refused: dt=0.001 s exceeds the stability bound")
+    assert ends["stopped"].startswith("stopped at")
+
+
+def test_errors_vanish_against_oneself_and_fall_with_the_elements():
+    runs = [Plant(Arm.octopus(elements=n), dt=2e-4, record_every=4).advance(BEND, 1.0) for n in (16, 32, 96)]
+    assert max(benchmark_precision.errors(runs[2], runs[2], 0.2)) < 1e-12
+    coarse, finer = (benchmark_precision.errors(run, runs[2], 0.2) for run in runs[:2])
+    assert all(one > two > 0 for one, two in zip(coarse[:3], finer[:3], strict=True))
+
+
+def test_pieces_of_a_timed_motion_are_the_motion():
+    recording, spent, wall = timed_motion(Plant(), BEND, 1.0, 2, piece=0.25)
+    whole = Plant().advance(BEND, 1.0)
+    assert np.array_equal(recording.points, whole.points) and np.array_equal(recording.time, whole.time)
+    assert 0 < spent < 10 and wall > 0
+
+
+def test_fastest_is_the_fastest():
+    waits = iter([0.02, 0.001, 0.02])
+
+    def work():
+        import time
+
+        time.sleep(next(waits))
+
+    assert fastest(work, 3)[1] < 0.02
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_elastic_rod_meets_the_closed_form_with_second_order(case):
+    errors = []
+    for elements in (10, 20):
+        sim, error, duration = CASES[case](elements, 0.25)
+        sim.advance(duration)
+        errors.append(float(error()))
+    assert errors[1] < 2e-3
+    assert errors[0] / errors[1] > 3.5
+
+
+def test_circle_is_a_circle():
+    sim, error, duration = circle(40, 1.0)
+    sim.advance(duration)
+    assert np.linalg.norm(sim.velocities) < 1e-6 and error() < 1e-4
+
+
+def test_speeds_are_positive_and_more_groups_take_longer():
+    assert 0 < elastic_rod(50) < 1e-6
+    assert arm_step(48, (), 3)[0] < arm_step(48, ("LM1", "LM2", "LM3", "LM4", "R-OM", "L-OM", "TM"), 3)[0]
+
+
+def test_a_child_process_reports_time_and_memory():
+    wall, spent, memory = child("x = bytearray(50_000_000)")
+    assert wall > 0 and spent > 0 and 50 < memory < 500
+    with pytest.raises(OctoctrlError, match="start-up failed: ZeroDivisionError"):
+        child("1 / 0")
