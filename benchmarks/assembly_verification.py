@@ -1,0 +1,202 @@
+"""Verification of the full arm: time step, velocity noise, volume, and a recorded run of the published code.
+
+Run with ``python benchmarks/assembly_verification.py steps`` (about eight minutes), ``noise`` (one minute), ``volume`` (two minutes),
+``rest`` (one minute), or ``published FOLDER`` with the folder of the recorded run (``fig2c.csv`` and ``fig2c-states.npz``; three minutes).
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from assembly import programme
+
+from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
+from octoctrl.sim.assembly import AssemblyPlant, _compiled
+from octoctrl.sim.assembly_buffer import set_filter_masks
+from octoctrl.sim.assembly_layout import AssemblyRow as R
+from octoctrl.sim.recording import Recording
+from octoctrl.sim.topology import measure, twist, writhe
+
+FAMILIES = ("cord", "LM", "L-OM", "R-OM", "rings")
+
+
+def motion(level, dt, duration):
+    """Times (s), lifted link, lifted writhe, twist (turns) and cord length (mm) on the coil programme."""
+    plant, pieces = AssemblyPlant(dt=dt), []
+    while plant.time < duration - 1e-9:
+        pieces.append(plant.advance(programme(level), 0.1))
+    recording = Recording.joined(pieces)
+    trace = measure(recording.time, recording.points, recording.frames)
+    return trace.time, {"Lk": trace.lifted_link, "Wr": trace.lifted_writhe, "Tw": trace.twist, "length": recording.length * 1e3}
+
+
+def steps():
+    """Print what halving the time step changes, in percent of the largest change of each quantity from rest."""
+    print(
+        f"{'oblique':>7s} {'until s':>7s} {'steps us':>13s}", *(f"{name + ' %':>10s}" for name in ("Lk", "Wr", "Tw", "length")), "  (at s)"
+    )
+    for level, duration, halvings in ((0.17, 7.0, 1), (0.3, 0.6, 2)):
+        dt, (times, coarse) = 5e-5, motion(level, 5e-5, duration)
+        for _ in range(halvings):
+            _, fine = motion(level, dt / 2, duration)
+            cells, instants = [], []
+            for name, values in fine.items():
+                scale, change = np.abs(values - values[0]).max(), np.abs(coarse[name] - values)
+                cells.append(f"{100 * change.max() / scale:10.3f}" if scale > 1e-6 else f"{'-':>10s}")
+                instants.append(f"{times[change.argmax()]:.2f}")
+            print(f"{level:7.2f} {duration:7.1f} {dt * 1e6:6g},{dt / 2 * 1e6:6g}", *cells, "  " + " ".join(instants), flush=True)
+            dt, coarse = dt / 2, fine
+
+
+def families(rods):
+    """Velocities (rods, nodes, 3) of the families, m/s."""
+    straight, oblique = (np.stack([view(R.V1 + i, nodes=True) for i in range(3)], axis=-1) for view in (rods.straight, rods.oblique))
+    return straight[:1], straight[1:], oblique[:4], oblique[4:], np.stack([rods.ring(R.V1 + i) for i in range(3)], axis=-1)
+
+
+def single_steps(plant, activation, count):
+    """Velocities of the families (count, rods, nodes, 3) after each of `count` steps at the levels of now."""
+    rods, n = plant.rods, plant.elements
+    levels = plant._levels(activation, 0)[0]
+    tone = plant.resting_tone
+    longitudinal = np.full((2, 9, n), tone)
+    longitudinal[:, 1:] = np.maximum(levels[:8], tone)
+    transverse = np.tile(np.maximum(levels[MUSCLE_GROUPS.index("TM")], tone), (2, 1))
+    oblique = np.repeat(plant._oblique_levels, 2, axis=0)
+    step, _ = _compiled(plant.grid, plant.geometry.inclination, plant.paper_compatible)
+    out, seen = (np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))), []
+    for _ in range(count):
+        if plant.paper_compatible:
+            set_filter_masks(rods)
+        tables = (rods.ring_index, rods.helix_index)
+        step(rods.flat, plant.h, 1, longitudinal, oblique, transverse, plant._laws, plant._drag, *tables, *out, False)
+        seen.append(families(rods))
+    return [np.stack(values) for values in zip(*seen, strict=True)]
+
+
+def size(vectors):
+    """Mean length of vectors."""
+    return np.linalg.norm(vectors, axis=-1).mean()
+
+
+def grid_scale(velocity, closed):
+    """Part of the velocities at the scale of the grid: a quarter of the second difference, five times, which keeps no rigid turning."""
+    for _ in range(5):
+        if closed:
+            velocity = (2 * velocity - np.roll(velocity, 1, axis=-2) - np.roll(velocity, -1, axis=-2)) / 4
+        else:
+            velocity = (2 * velocity[..., 1:-1, :] - velocity[..., :-2, :] - velocity[..., 2:, :]) / 4
+    return velocity
+
+
+def noise():
+    """Print velocity noise in time (chatter) and in space, over the mean speed of the family."""
+    cases = (("default, 50 us", {}, 0.3), ("default, 25 us", {"dt": 2.5e-5}, 0.3), ("published, 10 us", {"paper_compatible": True}, 0.3))
+    print("noise over mean speed, R-OM at 0.3 after 0.3 s: in time / in space / in space of the mean of 60 steps")
+    kept = {}
+    for label, options, until in cases:
+        plant = AssemblyPlant(**options)
+        plant.advance(programme(), until)
+        cells = []
+        for name, v in zip(FAMILIES, single_steps(plant, programme(), 60), strict=True):
+            in_time, in_space = size(v[2:] - 2 * v[1:-1] + v[:-2]) / 4 / size(v), grid_scale(v, name == "rings")
+            cells.append(f"{name} {in_time:.1e} {size(in_space) / size(v):.1e} {size(in_space.mean(axis=0)) / size(v):.1e}")
+            kept.setdefault(name, []).append(in_space[-1])
+        print(f"  {label:17s}", "; ".join(cells), flush=True)
+    print("  correlation of the default's noise in space at the two steps:", end=" ")
+    print("; ".join(f"{name} {np.vdot(a, b) / np.sqrt(np.vdot(a, a) * np.vdot(b, b)):.3f}" for name, (a, b, *_) in kept.items()))
+
+
+def volume():
+    """Print the volume inside the rings, and of all rods' overlaps what it means, per group at level 0.3."""
+    print(f"{'group':12s} {'level':>5s}", *(f"{f'{t:.1f} s':>8s}" for t in np.arange(0.1, 0.81, 0.1)), "  % of the volume at rest")
+    for label, groups, level in (
+        ("LM1..8", LONGITUDINAL_GROUPS, 0.3),
+        ("TM", ("TM",), 0.1),
+        ("TM", ("TM",), 0.3),
+        ("R-OM", ("R-OM",), 0.17),
+        ("R-OM", ("R-OM",), 0.3),
+        ("both OM", ("R-OM", "L-OM"), 0.3),
+    ):
+        plant, cells = AssemblyPlant(), []
+        rest, activation = plant.volume(), Activation(templates=(Plateau(groups=groups, level=level, rise=0.4),))
+        for _ in range(8):
+            plant.advance(activation, 0.1)
+            cells.append(f"{100 * plant.volume() / rest:8.1f}")
+        print(f"{label:12s} {level:5.2f}", *cells, flush=True)
+
+
+def rest():
+    """Print the fastest node of an arm without any tone, pushed by 1 nm/s, as it is and with the rings' radius fixed in the joints."""
+    print(f"{'step us':>8s} {'radius of rings':>16s}  fastest node, m/s, every 5 ms")
+    for dt, fixed in ((5e-5, False), (2.5e-5, False), (1.25e-5, False), (2.5e-5, True)):
+        plant = AssemblyPlant(dt=dt, resting_tone=0.0)
+        rods, h, cells = plant.rods, plant.h, []
+        _, parts = _compiled(plant.grid, plant.geometry.inclination)
+        generator = np.random.default_rng(1)
+        for view in (rods.straight, rods.oblique, rods.ring):
+            for row in (R.V1, R.V2, R.V3):
+                view(row)[1:] += 1e-9 * generator.standard_normal(view(row)[1:].shape)
+        for _ in range(6):
+            for _ in range(plant.steps):
+                parts["move"](rods.flat, h / 2)
+                parts["measure"](rods.flat, 0.5, h, plant._laws)
+                if fixed:
+                    rods.rings[R.RADIUS] = rods.rings[R.REST_RADIUS]
+                parts["crossings"](rods.flat, rods.ring_index, rods.helix_index)
+                parts["spokes"](rods.flat, plant._drag[:2])
+                for part in ("push", "relax"):
+                    parts[part](rods.flat)
+                parts["move"](rods.flat, h / 2)
+            cells.append(max(np.abs(v).max() for v in families(rods)))
+        print(f"{h * 1e6:8g} {'fixed' if fixed else 'as it is':>16s} ", *(f"{cell:.1e}" for cell in cells), flush=True)
+
+
+def published(folder):
+    """Print the published numerics against a recorded run of the published code."""
+    rows = np.loadtxt(folder / "fig2c.csv", delimiter=",", skiprows=1)
+    states = np.load(folder / "fig2c-states.npz")
+    plant = AssemblyPlant(paper_compatible=True, sample_interval=2e-3)
+    print("differences: twist, writhe (turns), length, tip (mm), rms of the nodes (mm) of cord, LM, OM, rings")
+    worst = {}
+    for t, *tip, length, wr, tw in rows[1:]:
+        plant.advance(programme(), round(t - plant.time, 6))
+        seen = plant.observe()
+        found = {
+            "twist": twist(seen.points, -seen.frames[1:-1, 1]) - tw,
+            "writhe": writhe(seen.points) - wr,
+            "length": np.linalg.norm(np.diff(seen.points, axis=0), axis=1).sum() * 1e3 - length,
+            "tip": np.linalg.norm(seen.points[-1] * 1e3 - tip),
+        }
+        for name, value in found.items():
+            worst.setdefault(name, []).append(abs(value))
+        line = f"{t:5.2f} " + " ".join(f"{value:9.4f}" for value in found.values())
+        close = np.flatnonzero(np.abs(states["t"] - t) < 1e-6)
+        if close.size:
+            straight, oblique, rings = plant.nodes()
+            theirs = [np.moveaxis(states[name][close[0]], 1, 2) * 1e-3 for name in ("straight", "oblique", "rings")]
+            pairs = ((straight[:1], theirs[0][:1]), (straight[1:], theirs[0][1:]), (oblique, theirs[1]), (rings, theirs[2]))
+            line += "   " + " ".join(f"{np.sqrt(np.mean(np.sum((a - b) ** 2, axis=-1))) * 1e3:8.4f}" for a, b in pairs)
+            print(line, flush=True)
+        elif round(t * 50) % 10 == 0:
+            print(line, flush=True)
+    early = rows[1:, 0] <= 0.6 + 1e-9
+    for name, values in worst.items():
+        values = np.array(values)
+        print(f"largest difference of {name}: {values[early].max():.4f} to 0.6 s, {values.max():.4f} to {rows[-1, 0]:.2f} s")
+
+
+def main():
+    subjects = {"steps": steps, "noise": noise, "volume": volume, "rest": rest}
+    if sys.argv[1:2] == ["published"] and len(sys.argv) == 3:
+        published(Path(sys.argv[2]))
+    elif sys.argv[1:] and all(name in subjects for name in sys.argv[1:]):
+        for name in sys.argv[1:]:
+            subjects[name]()
+    else:
+        print(__doc__)
+
+
+if __name__ == "__main__":
+    main()
