@@ -213,7 +213,7 @@ class _Run:
         self.ends = dict(zip(self.ahead, [*list(plan.phase_begins.values())[1:], plan.schedule.duration], strict=True))
 
     def to_the_end(self, progress, checkpoint):
-        begin, saved = perf_counter(), -np.inf
+        begin, due = perf_counter(), 0.0
         plan, plant = self.plan, self.plant
         status, note = ExecutionStatus.FINISHED, ""
         observation, clock, end = plant.reset(), 0.0, plan.schedule.duration + self.settle
@@ -231,9 +231,10 @@ class _Run:
                 if not piece.complete:
                     raise KeyboardInterrupt
                 progress.advance(clock, self.ahead[0] if self.ahead else "settling")
-                if checkpoint is not None and perf_counter() - saved > 1.0:
-                    checkpoint(self._result(ExecutionStatus.INTERRUPTED, "still running", perf_counter() - begin))
-                    saved = perf_counter()
+                if checkpoint is not None and (now := perf_counter()) > due:
+                    checkpoint(self._result(ExecutionStatus.INTERRUPTED, "still running", now - begin))
+                    # A long recording takes its time to be measured: a tenth of the run's at most.
+                    due = perf_counter() + max(1.0, 9 * (perf_counter() - now))
         except KeyboardInterrupt:
             status, note = ExecutionStatus.INTERRUPTED, f"interrupted at t={plant.time:.2f} s"
         except PlantUnstableError as error:
