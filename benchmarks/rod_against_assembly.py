@@ -3,9 +3,11 @@
 Run with ``python benchmarks/rod_against_assembly.py`` (about four minutes of processor time). Both plants move through the experiments of
 identification. The constants of `Arm.lumped`, and then the gains of the muscles besides, are fitted so that tangents, twist and length of
 the rod follow those of the full arm, by the loss that also identifies the reduced model. Errors are rod minus full arm, root mean square
-over each experiment: lifted writhe (modulo 2) and twist in turns, tip and length in per cent of the arm's length.
+over each experiment: lifted writhe (modulo 2) and twist in turns, tip and length in per cent of the arm's length. With ``reduced`` behind
+the command, the reduced model is fitted to the full arm as well, without and with the factors that only the full arm has.
 """
 
+import sys
 from dataclasses import replace
 from time import process_time
 
@@ -13,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import octoctrl as oc
-from octoctrl.planners.identification import INTERVAL, TOLERANCE, _Run, experiments
+from octoctrl.planners.identification import GENERIC_FREE, INTERVAL, KNOWN_FREE, TOLERANCE, _Run, experiments, first_guess, identify
 from octoctrl.planners.reduced import ReducedModel
 from octoctrl.plants import warmup
 from octoctrl.sim.arm import LumpedSection
@@ -84,6 +86,22 @@ def fit(ranges, runs, wanted):
     return dict(zip(ranges, (found.x * scale).tolist(), strict=True))
 
 
+def reduced(runs):
+    print(f"\nreduced model of the full arm: residual rms; rms error of twist (turns) and length (%) in '{runs[0][0]}'")
+    recordings = [(activation, recording) for _, activation, recording in runs]
+    for laws, free in (("known", KNOWN_FREE), ("generic", GENERIC_FREE)):
+        for label, guess, names in (
+            ("without squeeze and ring torsion", replace(first_guess(ARM), tone=first_guess(ARM, "assembly").tone), free),
+            ("with them", None, None),
+        ):
+            found = identify(recordings, ARM, laws=laws, plant="assembly", start=guess, free=names, max_evaluations=25)
+            run = _Run(found.model, *recordings[0])
+            difference = run.residual(found.model).reshape(len(run.steps), -1)
+            twist, length = difference[:, 31] * np.sqrt(8) / 2, difference[:, 32] * 200
+            told = f"twist at the tip {np.sqrt(np.mean(twist**2)):.3f}, length {np.sqrt(np.mean(length**2)):.1f}"
+            print(f"  {laws:8} {label:34} {found.residual_rms:.4f}   {told}")
+
+
 def main():
     warmup("assembly")
     begin, runs = process_time(), []
@@ -96,6 +114,8 @@ def main():
         numbers = fit(ranges, runs, wanted)
         told = ", ".join(f"{name} {number:.3f}" for name, number in numbers.items())
         table(f"fitted: {told}", other_arm(numbers), runs, wanted)
+    if "reduced" in sys.argv[1:]:
+        reduced(runs)
 
 
 if __name__ == "__main__":
