@@ -7,7 +7,7 @@ from octoctrl.sim.errors import check_choice
 PLANTS = {"rod": "one Cosserat rod of the arm's outline", "assembly": "the full arm of 197 rods"}
 """Name of each plant, and what it is."""
 
-_COMPILING = {"rod": "compiled once", "assembly": "compiled once, in about a minute"}
+_FIRST_TIME = {"rod": "some seconds", "assembly": "about a minute"}
 
 
 def check_plant(name):
@@ -77,7 +77,7 @@ def warmup(name="rod", progress=None):
     begin = perf_counter()
     check_plant(name)
     if progress is not None:
-        progress.start(f"preparing the plant '{name}' ({_COMPILING[name]}, and kept on disk)")
+        progress.start(f"preparing the plant '{name}' (the first time {_FIRST_TIME[name]})")
     try:
         plant = make_plant(name)
         plant.advance(Activation(), plant.sample_interval)
