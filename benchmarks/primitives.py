@@ -29,6 +29,11 @@ PRIMITIVES = (
 RISE, DURATION, PIECE = 0.4, 0.8, 0.05
 
 
+def ring_radius(rings):
+    """Mean radius (N,) of the rings' middle lines, m."""
+    return np.linalg.norm(rings - rings.mean(axis=1, keepdims=True), axis=2).mean(axis=1)
+
+
 def measured(plant, volume):
     """Deformation of the line through the rings' centres: the nerve cord inside may buckle, and says less.
 
@@ -41,15 +46,13 @@ def measured(plant, volume):
     spacing = np.linalg.norm(tangents, axis=1)
     tangents /= spacing[:, None]
     turned = np.cross(np.concatenate([[[0.0, 1.0, 0.0]], tangents[:-1]]), tangents).sum(axis=0)
-    radius = np.linalg.norm(rings - centres[:, None], axis=2).mean(axis=1)
-    rest = np.linalg.norm(plant.geometry.rings.points[..., [0, 2]], axis=2).mean(axis=1)
     return {
         "length": spacing.sum() / np.ptp(plant.geometry.rings.points[::3, 0, 1]) - 1,
         "bend": degrees(np.linalg.norm(turned)),
         "towards": degrees(np.arctan2(turned[0], -turned[2])),
         "twist": float(twist(seen.points, -seen.frames[1:-1, 1])),
         "writhe": float(writhe(seen.points)),
-        "radius": float(np.mean(radius / rest)) - 1,
+        "radius": float(np.mean(ring_radius(rings) / ring_radius(plant.geometry.rings.points))) - 1,
         "volume": plant.volume() / volume - 1,
         "cord": seen.stretch.mean() - 1,
     }
@@ -121,10 +124,10 @@ def picture(runs, path):
 
 
 def buckling():
-    """Print how far the tip is to the side under transverse contraction, after a push of the tip to +x."""
-    print("distance of the tip from the axis, mm, and stretch of the nerve cord, at")
-    times = np.arange(0.1, 0.81, 0.1)
-    print(f"{'TM':>5s} {'push mm/s':>10s} {'LM':>5s}", *(f"{f'{time:.1f} s':>15s}" for time in times))
+    """Print how the arm leaves its axis under transverse contraction, after a push of the tip to +x."""
+    print("distance of the tip from the axis, mm; stretch of the nerve cord; narrowest ring over rest; pressure at ring 170, kPa; at")
+    times = np.arange(0.2, 0.81, 0.1)
+    print(f"{'TM':>5s} {'push mm/s':>10s} {'LM':>5s}", *(f"{f'{time:.1f} s':>25s}" for time in times))
     for level, push, stiffen in (
         (0.1, 1e-3, 0.0),
         (0.2, 1e-3, 0.0),
@@ -136,12 +139,14 @@ def buckling():
         plant = AssemblyPlant()
         plant.rods.straight(R.V1, nodes=True)[:] += push * 1e-3 * np.linspace(0, 1, plant.elements + 1) ** 2
         templates = (Plateau(groups=("TM",), level=level, rise=RISE), Plateau(groups=LONGITUDINAL_GROUPS, level=stiffen, rise=RISE))
-        cells = []
+        rest, cells = ring_radius(plant.nodes()[2]), []
         try:
             for time in times:
                 plant.advance(Activation(templates=templates[: 1 + bool(stiffen)]), round(time - plant.time, 6))
                 seen = plant.observe()
-                cells.append(f"{np.hypot(seen.points[-1, 0], seen.points[-1, 2]) * 1e3:8.1e} {seen.stretch.mean() - 1:+6.1%}")
+                aside = np.hypot(seen.points[-1, 0], seen.points[-1, 2]) * 1e3
+                narrowest = (ring_radius(plant.nodes()[2]) / rest).min()
+                cells.append(f"{aside:8.1e} {seen.stretch.mean() - 1:+6.1%} {narrowest:4.2f} {plant.pressure()[:, 170].mean() / 1e3:4.2f}")
         except PlantUnstableError as error:
             cells.append(str(error))
         print(f"{level:5.2f} {push:10.0e} {stiffen:5.2f}", *cells, flush=True)

@@ -266,6 +266,25 @@ def test_moment_left_over_by_ring_and_muscle_is_that_of_the_surface_gap(state):
     assert np.linalg.norm(left) > 1e-6
 
 
+def test_moment_left_over_by_ring_and_helix_is_that_of_the_surface_gap(state):
+    plant, rods, parts = state
+    parts["crossings"](rods.flat, rods.ring_index, rods.helix_index)
+    ring, helix = of_family(rods.ring, R.X1), of_family(rods.oblique, R.X1, nodes=True)
+    on_ring, on_helix = of_family(rods.ring, R.F1), of_family(rods.oblique, R.F1, nodes=True)
+    scale = np.abs(on_helix).sum()
+    np.testing.assert_allclose(on_ring.sum(axis=(0, 1)) + on_helix.sum(axis=(0, 1)), 0, atol=1e-12 * scale)
+    moment = np.cross(ring, on_ring).sum(axis=(0, 1)) + np.cross(helix, on_helix).sum(axis=(0, 1))
+    every, left = np.arange(rods.grid.rings), np.zeros(3)
+    outward, spring = outward_of(ring), ring_connections(ARM, plant.geometry).oblique_spring[:, None]
+    for j, nodes in enumerate(plant.geometry.oblique_nodes):
+        met = helix[j, :: rods.grid.helix_nodes]
+        thick = rods.ring(R.RADIUS)[every, nodes] + rods.oblique(R.RADIUS)[j, :: rods.grid.helix_nodes]
+        reach = thick[:, None] * outward[every, nodes]
+        left += np.cross(reach, spring * (ring[every, nodes] + reach - met)).sum(axis=0)
+    np.testing.assert_allclose(moment, left, atol=1e-12 * scale)
+    assert np.linalg.norm(left) > 1e-8
+
+
 def test_moment_left_over_by_neighbouring_rings_is_what_the_muscles_do_not_take(state):
     """Rings aim at places that depend on the muscles; these feel nothing of it, and force and arm are not parallel."""
     _, rods, parts = state
