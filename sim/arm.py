@@ -119,7 +119,7 @@ class Arm:
     def __post_init__(self):
         metres = f"lengths are SI - did you mean {self.length / 100:.2f} ({self.length:g} cm)?" if _is_number(self.length) else ""
         check_number("length", self.length, at_least=1e-3, at_most=5.0, unit="m", advice=metres)
-        check_number("base_radius", self.base_radius, above=0.0, unit="m")
+        check_number("base_radius", self.base_radius, at_least=1e-4 * self.length, unit="m")
         ratio = self.base_radius / self.length
         if ratio >= 0.25:
             raise OctoctrlError(
@@ -132,8 +132,22 @@ class Arm:
             )
         check_number("elements", self.elements, at_most=2000)
         check_number("grading", self.grading, at_least=0.0, at_most=1.0)
-        for name in ("straight_fraction", "ring_radius", "oblique_radius", "oblique_pitch", "youngs_modulus", "shear_modulus"):
-            check_number(name, getattr(self, name), above=0.0)
+        self._check_layers()
+
+    def _check_layers(self):
+        check_number("straight_fraction", self.straight_fraction, above=0.0, at_most=1.0)
+        for name in ("ring_radius", "oblique_radius"):
+            check_number(name, getattr(self, name), above=0.0, at_most=self.base_radius, unit="m", advice="a layer is thinner than the arm")
+        check_number("oblique_pitch", self.oblique_pitch, at_least=1e-3 * self.length, unit="m", advice="it is the length of one turn")
+        for name in ("youngs_modulus", "shear_modulus"):
+            check_number(name, getattr(self, name), at_least=1.0, at_most=1e9, unit="Pa", advice="soft tissue has 1e3…1e6 Pa")
+        if not isinstance(self.densities, tuple) or len(self.densities) != 4:
+            raise OctoctrlError(f"densities={self.densities!r}: four are needed (nerve cord, longitudinal, transverse, oblique)")
+        for density in self.densities:
+            check_number("density", density, at_least=1.0, at_most=3e4, unit="kg/m^3")
+        for name in ("longitudinal", "oblique", "transverse"):
+            if not isinstance(getattr(self, name), MuscleLaw):
+                raise OctoctrlError(f"{name}={getattr(self, name)!r}: a MuscleLaw is needed")
 
     @classmethod
     def octopus(cls, **changes):

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .errors import check_number
+
 SARCOMERE_STRESS = 280e3
 """Stress of a fully overlapping sarcomere, Pa (van Leeuwen & Kier 1997)."""
 
@@ -43,6 +45,11 @@ class MuscleLaw:
         Constant of the lengthening branch, 7.56 in van Leeuwen & Kier (1997, eq. 5).
     range : (float, float)
         Stretches between which the polynomials hold.
+
+    Raises
+    ------
+    OctoctrlError
+        If a constant is out of range.
     """
 
     maximum_stress: float
@@ -56,6 +63,16 @@ class MuscleLaw:
     eccentric_plateau: float = 1.8
     eccentric_slope: float = 7.56
     range: tuple[float, float] = field(default=(0.6, 1.8))
+
+    def __post_init__(self):
+        for name in ("maximum_stress", "compression_modulus"):
+            check_number(name, getattr(self, name), at_least=0.0, at_most=1e8, unit="Pa")
+        check_number("slack", self.slack, at_least=0.0)
+        check_number("passive_scale", self.passive_scale, at_least=0.0, at_most=1e3)
+        check_number("maximum_rate", self.maximum_rate, at_least=1e-3, at_most=1e3, unit="1/s")
+        for name in ("curvature", "eccentric_slope"):
+            check_number(name, getattr(self, name), at_least=1e-3, at_most=1e3)
+        check_number("eccentric_plateau", self.eccentric_plateau, at_least=1.0, at_most=10.0)
 
     def active_factor(self, stretch):
         """Active force-length factor f_l >= 0 at `stretch`."""

@@ -36,6 +36,9 @@ CHUNK = 100
 _LIMITS = {}
 """Step limits at rest by arm and scene: many plants of a study are alike."""
 
+MOST_STEPS = 100_000
+"""Steps per sample: more would hold up progress and Ctrl-C for minutes."""
+
 BUILDING = Lock()
 """Held while compiled code is put together, so that plants in several threads share it."""
 
@@ -116,6 +119,11 @@ class Plant:
         self.reset()
         self.limit = self._limit_at_rest()
         self.steps = max(1, ceil(sample_interval / choose_step(dt, self.limit, LARGEST_STEP) - 1e-9))
+        if self.steps > MOST_STEPS:
+            raise OctoctrlError(
+                f"the arm needs steps of {sample_interval / self.steps:.1g} s, {self.steps} in each sample_interval={sample_interval:g} s; "
+                f"at most {MOST_STEPS} are done - use fewer elements or softer tissue"
+            )
         self._prepare(sample_interval / self.steps)
 
     def _limit_at_rest(self):

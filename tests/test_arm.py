@@ -109,7 +109,12 @@ def test_fingerprint_tells_arms_apart_but_not_resolutions():
     ({"elements": 4}, "elements=4: at least 8 are needed"),
     ({"elements": 48.0}, "elements=48.0: at least 8"),
     ({"grading": 2.0}, "grading=2 is outside 0…1"),
-    ({"youngs_modulus": 0.0}, "youngs_modulus=0 is outside > 0"),
+    ({"youngs_modulus": 0.0}, r"youngs_modulus=0 Pa is outside 1…1e\+09 Pa; soft tissue has 1e3…1e6 Pa"),
+    ({"densities": (1050.0, 1050.0, 1050.0)}, "four are needed"),
+    ({"densities": (1050.0, -1.0, 1050.0, 1050.0)}, r"density=-1 kg/m\^3 is outside 1…30000 kg/m\^3"),
+    ({"ring_radius": 0.02}, "ring_radius=0.02 m is outside 0…0.012 m; a layer is thinner than the arm"),
+    ({"straight_fraction": 1.5}, "straight_fraction=1.5 is outside 0…1"),
+    ({"oblique_pitch": 1e-5}, "oblique_pitch=1e-05 m is outside >= 0.0002 m; it is the length of one turn"),
     ({"lenght": 0.2}, "Arm has no field 'lenght'; did you mean 'length'"),
 ])  # fmt: skip
 def test_bad_arms_are_refused_in_one_sentence(changes, message):

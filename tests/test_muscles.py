@@ -1,8 +1,11 @@
 """Muscle laws: the tables of the specification, the limits of the curves, and the compiled twins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.muscle_kernels import hill_secant, isometric_stress, law_constants, passive_stress
 from octoctrl.sim.muscles import LONGITUDINAL, TRANSVERSE
 
@@ -111,3 +114,9 @@ def test_compiled_secant_is_the_force_velocity_law(law):
     assert 1 + secant * rates == pytest.approx(law.velocity_factor(-rates / law.maximum_rate), abs=1e-12)
     # At rest the secant is the slope of the branch: finite, 5 / v_max of shortening.
     assert hill_secant(constants, -1e-12) == pytest.approx((1 + 1 / law.curvature) / law.maximum_rate)
+
+
+@pytest.mark.parametrize("changes", [{"maximum_stress": -1.0}, {"maximum_rate": 0.0}, {"curvature": float("nan")}, {"slack": -0.1}])
+def test_bad_laws_are_refused(changes):
+    with pytest.raises(OctoctrlError, match=next(iter(changes))):
+        replace(LONGITUDINAL, **changes)
