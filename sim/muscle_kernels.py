@@ -26,9 +26,9 @@ MAJORANT = 1.0
 """Factor on the diagonal viscosity bounds. At one the step is stable: the fibres couple two blocks, stretch and spin, so that the sum of
 the blocks is at least half of the whole. What the bound exceeds the true viscosity by delays the viscous stress by about one step."""
 DISSIPATION = 0.1
-"""Share of the implicit elastic term that also brakes the old stretch rate. Without it an arm whose passive fibres are pulled over their slack
-within few steps, such as one let go at 1.3 times its length, keeps trembling at the step's scale; tips of the usual programmes move by less
-than 0.02 % of the length through it."""
+"""Share of the implicit elastic term that also brakes the old stretch rate. Without it an arm whose passive fibres are pulled over their
+slack within few steps, such as one let go at 1.3 times its length, keeps trembling at the step's scale; tips of the usual programmes move
+by less than 0.02 % of the length through it."""
 
 
 class LawConstants(NamedTuple):
