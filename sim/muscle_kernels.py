@@ -233,10 +233,11 @@ def section_kernels(stride):
 
     @kernel
     def measure(b, n, nu):
-        # The tip's joint has no curvature of its own: the last element takes that of its inner end.
+        # Beyond its centre the last element is straight. What its fibres see must be what their moment works on, half of the last joint:
+        # were it the whole, their viscosity would feed a flutter of the tip.
         q = n + ONE
-        b[K1 + q], b[K2 + q], b[K3 + q] = b[K1 + n], b[K2 + n], b[K3 + n]
-        b[KRATE1 + q], b[KRATE2 + q], b[KRATE3 + q] = b[KRATE1 + n], b[KRATE2 + n], b[KRATE3 + n]
+        b[K1 + q], b[K2 + q], b[K3 + q] = 0.0, 0.0, 0.0
+        b[KRATE1 + q], b[KRATE2 + q], b[KRATE3 + q] = 0.0, 0.0, 0.0
         q = ONE - ONE
         b[KRATE1 + q], b[KRATE2 + q], b[KRATE3 + q] = b[KRATE1 + ONE], b[KRATE2 + ONE], b[KRATE3 + ONE]
         for k in range(ONE, n + ONE):

@@ -93,8 +93,8 @@ def rod_kernels(stride, constant_section=False):
                 )
             u1, u2, u3 = h * w1, h * w2, h * w3
             square = u1 * u1 + u2 * u2 + u3 * u3
-            sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880))))
-            cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square * (1 / 3628800))))
+            sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880 - square * (1 / 39916800)))))
+            cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square * (1 / 3628800 - square * (1 / 479001600)))))
             # Rows of exp(-[u]): 1 - sine [u] + cosine (u u^T - u.u).
             r11, r22, r33 = 1 - cosine * (u2 * u2 + u3 * u3), 1 - cosine * (u1 * u1 + u3 * u3), 1 - cosine * (u1 * u1 + u2 * u2)
             c12, c13, c23 = cosine * u1 * u2, cosine * u1 * u3, cosine * u2 * u3
