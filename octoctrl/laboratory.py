@@ -207,14 +207,12 @@ def text(outcomes):
     lines += [
         f" undetected failures: {numbers['undetected']}",
         f' steps chosen by dt="auto": {numbers["automatic_steps"]} runs, {numbers["automatic_unstable"]} of them unstable',
-        f" stopped: {numbers['stopped']}, {numbers['stopped_at_quarter_step_too']} of them at a quarter of the step too",
+        f" stopped: {numbers['stopped']}, {numbers['stopped_at_quarter_step_too']} of them at the same time at a quarter of the step",
     ]
     if numbers["median_error"] is not None:
+        median, most = numbers["median_error"], numbers["error_of_95_percent"]
         lines.append(
-            f" tip against half the step, {numbers['compared_with_half_the_step']} runs: median {numbers['median_error']:.2%} of the length, "
-            f"95 % below {numbers['error_of_95_percent']:.2%}"
+            f" tip against half the step, {numbers['compared_with_half_the_step']} runs: median {median:.2%}, 95 % below {most:.2%}"
         )
-    lines.append(
-        f" {numbers['simulated']:.0f} s of arm motion in {numbers['processor_time']:.0f} s of processor time, checks and comparisons included"
-    )
+    lines.append(f" {numbers['simulated']:.0f} s of arm motion; {numbers['processor_time']:.0f} s of processor time with all checks")
     return "\n".join(lines)

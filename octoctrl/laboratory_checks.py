@@ -7,7 +7,7 @@ from octoctrl.sim.topology import measure
 
 ORTHONORMAL = 1e-10
 RESIDUAL = 0.25
-"""Largest |Lk - (Wr + Tw)|, turns: a turn lost is one; coarse arms with strong curls have up to 0.1."""
+"""Largest |Lk - (Wr + Tw)|, turns; coarse arms with strong curls have up to 0.1."""
 GROWTH = 0.01
 """By how much the energy of a passive arm may grow, over what it began with. The published section, which shrinks as it stretches, has no
 exact potential."""
@@ -41,9 +41,9 @@ def held(recording):
 
 
 def linked(recording):
-    """In the `recording` link is writhe plus twist."""
-    trace = measure(recording.time, recording.points, recording.frames)
-    worst = float(np.abs(trace.residual).max())
+    """In the `recording` link is writhe plus twist, up to whole turns: a curve that just passes through itself may win or lose them."""
+    residual = measure(recording.time, recording.points, recording.frames).residual
+    worst = float(np.abs(residual - np.round(residual)).max())
     return f"link and writhe + twist differ by {worst:.2f} turns" if not worst < RESIDUAL else None
 
 
@@ -93,7 +93,7 @@ def dissipative(energies):
 
 
 def settled(recording):
-    """The `recording` under constant activation comes to rest, or is on the way: muscles that do not change their pull give no more work."""
+    """The `recording` under constant activation comes to rest, or is on the way: muscles with a constant pull give no more work."""
     speed = np.linalg.norm(np.diff(recording.points, axis=0), axis=2).mean(axis=1) / np.diff(recording.time)
     seconds = np.searchsorted(recording.time, recording.time[-1] - np.array([2.0, 1.0]))
     before, last = speed[seconds[0] : seconds[1]].mean(), speed[seconds[1] :].mean()

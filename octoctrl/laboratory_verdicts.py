@@ -23,6 +23,10 @@ SENSITIVE = 100.0
 """Growth of that displacement from which no step could be expected to give the same motion."""
 
 
+SAME_TIME = 0.1
+"""Two runs stop at the same time if their times differ by less than this share."""
+
+
 class Verdict(Enum):
     """How a run of the laboratory ended; the value is the heading of its column."""
 
@@ -53,7 +57,7 @@ class Outcome:
     error : float or None
         Distance of the tip from that at half the step, rms over the arm's length.
     again : bool or None
-        Of a stopped run: whether it also stops at a quarter of the step.
+        Of a stopped run: whether it also stops, at the same time, at a quarter of the step. It is then not the step that is to blame.
     stop : dict or None
         Of a stopped run: time, rod, element and mechanism.
     simulated, spent : float, s
@@ -118,7 +122,7 @@ class _Run:
         arm, scene = Arm(**trial.arm), Scene(water=None) if trial.water is None else Scene.free(factor=trial.water)
         plant = Plant(arm, scene)
         if trial.step is not None:
-            plant = Plant(arm, scene, dt=trial.step * min(plant.limits.values()))
+            plant = Plant(arm, scene, dt=trial.step * plant.limit.step)
         if finer > 1:
             plant = Plant(arm, scene, dt=plant.h / finer)
         nodes = plant.rows[Row.X1 : Row.X3 + 1, 2 : plant.elements + 2]
@@ -214,10 +218,10 @@ class _Run:
             try:
                 self._plant(finer=4).advance(self.trial.activation, self.trial.duration)
                 again = False
-            except PlantUnstableError:
-                again = True
+            except PlantUnstableError as other:
+                again = abs(other.time - error.time) < SAME_TIME * error.time
         return {
-            "verdict": Verdict.UNSTABLE if "to and fro" in error.mechanism else Verdict.LIMIT,
+            "verdict": Verdict.UNSTABLE if "to and fro" in error.mechanism and not again else Verdict.LIMIT,
             "reason": str(error),
             "again": again,
             "stop": {"time": error.time, "rod": error.rod, "element": error.element, "mechanism": error.mechanism},
