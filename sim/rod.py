@@ -19,6 +19,7 @@ FINDINGS = {
     2: "is bent by more than 1.5 rad against its neighbour",
     3: "has a position that is not a number",
     5: "is sheared by more than 60 degrees",
+    6: "turns by a radian within one step",
 }
 
 SUPPORTS = ("free", "clamped", "element")

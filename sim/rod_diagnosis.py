@@ -23,6 +23,7 @@ REMEDIES = {
     1: "it is pulled or pushed beyond what muscle laws describe - lower the levels",
     2: "it curls tighter than its elements resolve - use more elements, or lower the levels",
     3: "the motion is no longer a number - lower the levels",
+    6: "the step cannot follow - halve dt",
     5: "its section folds over - lower the levels, or use fewer, longer elements",
 }
 

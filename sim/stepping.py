@@ -15,9 +15,9 @@ from .rod_kernels import rod_kernels
 from .rod_layout import offsets
 
 ONE = np.uint64(1)
-FINE, STRETCHED, BENT, NOT_A_NUMBER, SHEARED = 0, 1, 2, 3, 5
+FINE, STRETCHED, BENT, NOT_A_NUMBER, SHEARED, SPUN = 0, 1, 2, 3, 5, 6
 """What the guard found: nothing, an element outside the allowed stretch, a joint bent too far, a value that is no number, a section that
-has fallen over (4 is speed, which the assembly watches)."""
+has fallen over, a frame that is no longer orthonormal (4 is speed, which the assembly watches)."""
 
 STRETCH_LIMITS = (0.2, 3.0)
 JOINT_LIMIT = 1.5
@@ -25,6 +25,8 @@ JOINT_LIMIT = 1.5
 SHEAR_LIMIT = 0.5
 """Smallest cosine between an element's d3 and its tangent. Arms that move sensibly stay above 0.65; below it a section folds over and can
 stay so, for shear is linear: an element that is turned inside out would be a second state of rest."""
+ORTHONORMAL_LIMIT = 5e-11
+"""The series of a step's rotation leaves this error when an element turns by a radian in one step; ten million quiet steps leave 1e-12."""
 
 
 class MuscleScalars(NamedTuple):
@@ -56,6 +58,10 @@ def _closing_kernel(stride):
                 return STRETCHED, k
             if not b[T[0] + k] * b[Q3[0] + k] + b[T[1] + k] * b[Q3[1] + k] + b[T[2] + k] * b[Q3[2] + k] > SHEAR_LIMIT:
                 return SHEARED, k
+            axis = b[Q3[0] + k] ** 2 + b[Q3[1] + k] ** 2 + b[Q3[2] + k] ** 2 - 1
+            side = b[Q[0] + k] ** 2 + b[Q[1] + k] ** 2 + b[Q[2] + k] ** 2 - 1
+            if not abs(axis) + abs(side) < ORTHONORMAL_LIMIT:
+                return SPUN, k
             angle = JOINT_LIMIT / b[JOINT_LENGTH + k]
             # The first joint of a rod that is not clamped carries nothing.
             if b[BEND1 + k] > 0 and not b[K1 + k] ** 2 + b[K2 + k] ** 2 + b[K3 + k] ** 2 < angle * angle:

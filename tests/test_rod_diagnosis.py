@@ -28,6 +28,18 @@ def test_a_section_that_has_fallen_over_is_caught(degrees, stops):
         simulation.advance(1e-5)
 
 
+def test_a_spin_that_the_step_cannot_follow_is_caught():
+    rod = Rod.straight(length=0.2, radius=0.01, elements=20, section="constant", **MATERIAL)
+    for share, stops in ((0.3, False), (1.3, True)):
+        simulation = RodSimulation(rod)
+        simulation.spins = np.tile([0.0, 0.0, share / simulation.dt], (20, 1))
+        if stops:
+            with pytest.raises(PlantUnstableError, match="turns by a radian within one step"):
+                simulation.advance(20 * simulation.dt)
+        else:
+            simulation.advance(20 * simulation.dt)
+
+
 def test_the_joint_at_the_clamp_is_watched():
     plant = Plant()
     frame = plant.rows[Row.Q11 : Row.Q33 + 1, 1 : plant.elements + 1]
