@@ -26,6 +26,7 @@ PARTS = {
     "skips": ("speed", "skips"),
     "steps": ("steps", "steps"),
     "startup": ("startup", "startup"),
+    "stability": ("stability", "stability"),
 }
 """Module (after ``benchmark_``) and function of each part."""
 

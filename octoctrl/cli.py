@@ -6,7 +6,7 @@ Exit codes: 0 well, 1 verdict failed, 2 bad input, 3 no plan, 4 plant unstable, 
 import json
 import signal
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -250,6 +250,34 @@ def bench(
     print(*tables, sep="\n\n")
     command = " ".join(["octoctrl bench", *(parts or ()), *(["--full"] if full else []), *(["--page", str(page)] if page else [])])
     benchmarking.write(tables, command, output=output, picture=picture, page=page)
+
+
+@app.command()
+def stability(
+    runs: Annotated[int, typer.Option("-n", "--runs", help="How many, or a few more.")] = 6000,
+    plant: Annotated[str, typer.Option("--plant", help="rod or assembly.")] = "rod",
+    seed: Annotated[int, typer.Option("--seed")] = 0,
+    outcomes: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE.jsonl", help="Where outcomes are kept.")] = None,
+    repeat: Annotated[str | None, typer.Option("--repeat", metavar="KIND:NUMBER", help="One run only, and what it is.")] = None,
+    page: Annotated[
+        Path | None, typer.Option("--page", metavar="FILE.md", help="Write a page of all outcomes kept here, and its picture.")
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+):
+    """Random arms, activations and steps: accurate, refused, or stopped with the reason? Goes on where it was interrupted."""
+    from . import laboratory, laboratory_page
+
+    if repeat is not None:
+        trial, outcome = laboratory.repeat(repeat, seed)
+        _report(f"{trial}\n\n{outcome}", asdict(outcome), as_json)
+        return VERDICT_FAILED if outcome.undetected else OK
+    target, display = outcomes or Path(f"stability-{plant}-{seed}.jsonl"), _display(quiet)
+    found = laboratory.study(target, runs, plant=plant, seed=seed, progress=display)
+    if page is not None:
+        laboratory_page.write(page, target, display)
+    _report(laboratory_page.text(found), laboratory.content(found), as_json)
+    return VERDICT_FAILED if any(outcome.undetected for outcome in found) else OK
 
 
 @app.command()

@@ -14,7 +14,7 @@ from pathlib import Path
 from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
 
 from . import __version__
-from .console import plain, table
+from .console import plain
 from .laboratory_trials import ASSEMBLY_KINDS, KINDS, draw
 from .laboratory_verdicts import Outcome, Verdict, perform
 from .progress import NullProgress
@@ -171,7 +171,7 @@ def summary(outcomes):
     errors = sorted(outcome.error for outcome in outcomes if outcome.error is not None and outcome.verdict != Verdict.SENSITIVE.name)
     return {
         "runs": len(outcomes),
-        "undetected": sum(outcome.verdict == Verdict.UNDETECTED.name for outcome in outcomes),
+        "undetected": sum(outcome.undetected for outcome in outcomes),
         "automatic_steps": sum(outcome.automatic and outcome.verdict != Verdict.REFUSED.name for outcome in outcomes),
         "automatic_unstable": sum(outcome.automatic and outcome.verdict == Verdict.UNSTABLE.name for outcome in outcomes),
         "stopped": len(stopped),
@@ -187,8 +187,8 @@ def summary(outcomes):
     }
 
 
-def text(outcomes):
-    """The matrix and the summary for people.
+def content(outcomes):
+    """All that is reported, as plain data.
 
     Parameters
     ----------
@@ -196,23 +196,33 @@ def text(outcomes):
 
     Returns
     -------
-    str
+    dict
     """
-    counts = matrix(outcomes)
-    used = [verdict for verdict in Verdict if any(row[verdict.name] for row in counts.values()) or verdict is Verdict.UNDETECTED]
-    rows = [(kind, *(str(row[verdict.name] or "·") for verdict in used), str(sum(row.values()))) for kind, row in counts.items()]
-    total = ("all", *(str(sum(row[verdict.name] for row in counts.values())) for verdict in used), str(len(outcomes)))
-    numbers = summary(outcomes)
-    lines = [*table(("runs", *(verdict.value for verdict in used), "all"), [*rows, total]), ""]
-    lines += [
-        f" undetected failures: {numbers['undetected']}",
-        f' steps chosen by dt="auto": {numbers["automatic_steps"]} runs, {numbers["automatic_unstable"]} of them unstable',
-        f" stopped: {numbers['stopped']}, {numbers['stopped_at_quarter_step_too']} of them at the same time at a quarter of the step",
-    ]
-    if numbers["median_error"] is not None:
-        median, most = numbers["median_error"], numbers["error_of_95_percent"]
-        lines.append(
-            f" tip against half the step, {numbers['compared_with_half_the_step']} runs: median {median:.2%}, 95 % below {most:.2%}"
-        )
-    lines.append(f" {numbers['simulated']:.0f} s of arm motion; {numbers['processor_time']:.0f} s of processor time with all checks")
-    return "\n".join(lines)
+    return {"summary": summary(outcomes), "matrix": matrix(outcomes)}
+
+
+def repeat(name, seed=0):
+    """Do one trial again.
+
+    Parameters
+    ----------
+    name : str
+        ``KIND:NUMBER``.
+    seed : int
+
+    Returns
+    -------
+    trial : octoctrl.laboratory_trials.Trial
+    outcome : Outcome
+
+    Raises
+    ------
+    OctoctrlError
+        If there is no such kind or the number is none.
+    """
+    kind, _, number = name.partition(":")
+    check_choice("kind", kind, (*KINDS, *ASSEMBLY_KINDS))
+    if not number.isdigit():
+        raise OctoctrlError(f"--repeat {name}: expected KIND:NUMBER, for example 'all groups:7'")
+    trial = draw(kind, seed, int(number))
+    return trial, perform(trial)

@@ -9,8 +9,8 @@ ORTHONORMAL = 1e-10
 RESIDUAL = 0.25
 """Largest |Lk - (Wr + Tw)|, turns; coarse arms with strong curls have up to 0.1."""
 GROWTH = 0.01
-"""By how much the energy of a passive arm may grow, over what it began with. The published section, which shrinks as it stretches, has no
-exact potential."""
+"""By how much more the energy of a passive arm may grow than at a quarter of the step, over what it began with. It may grow at all because
+the published section, which shrinks as it stretches, has no exact potential."""
 REST = 0.01
 """Mean speed over its largest value in the run below which an arm counts as at rest."""
 SLOWING = 0.995
@@ -77,8 +77,8 @@ def powered(recording, arm, node_mass):
     return f"kinetic energy {kinetic:.2g} J exceeds the muscles' work {available:.2g} J" if kinetic > available + 1e-15 else None
 
 
-def dissipative(energies):
-    """The energy of a passive arm does not grow.
+def growth(energies):
+    """Largest growth of the energy of a passive arm, over what it began with.
 
     Parameters
     ----------
@@ -86,10 +86,9 @@ def dissipative(energies):
 
     Returns
     -------
-    str or None
+    float
     """
-    growth = float(np.max(energies - np.minimum.accumulate(energies)) / energies[0])
-    return f"the energy of the passive arm grew by {growth:.1%}" if not growth < GROWTH else None
+    return float(np.max(energies - np.minimum.accumulate(energies)) / energies[0])
 
 
 def settled(recording):

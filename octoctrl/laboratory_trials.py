@@ -49,7 +49,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """A family of trials: its share of all runs, what it is in one line, and how one is drawn from a random generator."""
+    """A family of trials: its share of all runs, what it is in one line, and how one is drawn from a random generator and its number."""
 
     share: int
     description: str
@@ -70,7 +70,7 @@ def draw(kind, seed, number):
     Trial
     """
     known = KINDS | ASSEMBLY_KINDS
-    return Trial(kind=kind, number=number, **known[kind].draw(np.random.default_rng([seed, crc32(kind.encode()), number])))
+    return Trial(kind=kind, number=number, **known[kind].draw(np.random.default_rng([seed, crc32(kind.encode()), number]), number))
 
 
 def _between(random, low, high):
@@ -123,20 +123,24 @@ def _activation(random, duration, *, level=1.0, rise=(1e-3, 0.5), groups=None):
     return Activation(templates=tuple(drives))
 
 
-def _gentle(random):
+def _gentle(random, number):
     return {"arm": _arm(random), "activation": _activation(random, 1.0, level=0.3, rise=(0.1, 0.5)), "duration": 1.0}
 
 
-def _all_groups(random):
+def _all_groups(random, number):
     return {"arm": _arm(random), "activation": _activation(random, 0.5)}
 
 
-def _full_step(random):
-    group = str(random.choice(MUSCLE_GROUPS))
-    return {"arm": _arm(random), "activation": Activation(templates=(Plateau(groups=(group,), level=1.0, rise=1e-6, onset=0.05),))}
+def _step(number):
+    """One group at level 1 at once, the groups in turn."""
+    return Activation(templates=(Plateau(groups=(MUSCLE_GROUPS[number % len(MUSCLE_GROUPS)],), level=1.0, rise=1e-6, onset=0.05),))
 
 
-def _waves(random):
+def _full_step(random, number):
+    return {"arm": _arm(random), "activation": _step(number)}
+
+
+def _waves(random, number):
     arm = _arm(random)
     waves = [
         Wave(
@@ -151,15 +155,15 @@ def _waves(random):
     return {"arm": arm, "activation": Activation(templates=tuple(waves))}
 
 
-def _given_step(random):
-    return _all_groups(random) | {"step": _between(random, 0.05, 1.0)}
+def _given_step(random, number):
+    return _all_groups(random, number) | {"step": _between(random, 0.05, 1.0)}
 
 
-def _huge_step(random):
-    return _all_groups(random) | {"step": _between(random, 1.001, 1e4)}
+def _huge_step(random, number):
+    return _all_groups(random, number) | {"step": _between(random, 1.001, 1e4)}
 
 
-def _tiny_tip(random):
+def _tiny_tip(random, number):
     """The octopus arm, equal elements, its last one 0.2 mm long, or graded so that it is."""
     length, grading = 0.2, float(random.choice([0.0, 1.0]))
     taper = _between(random, 4.0, 20.0)
@@ -169,20 +173,20 @@ def _tiny_tip(random):
     return {"arm": arm, "activation": _activation(random, 0.2), "duration": 0.2}
 
 
-def _stretched(random):
+def _stretched(random, number):
     return {"arm": _arm(random), "stretch": 1.3}
 
 
-def _stretched_active(random):
+def _stretched_active(random, number):
     return {"arm": _arm(random), "stretch": 1.3, "activation": _activation(random, 0.5)}
 
 
-def _water(random):
+def _water(random, number):
     factor = None if random.uniform() < 0.5 else _between(random, 1e-3, 1e3)
     return {"arm": _arm(random), "water": factor, "activation": _activation(random, 0.5)}
 
 
-def _settling(random):
+def _settling(random, number):
     """Constant levels: the muscles' work is bounded, so that the arm must come to rest."""
     drives = [Plateau(groups=(group,), level=float(random.uniform(0.1, 1.0)), rise=0.2) for group in _some(random, 0.4)]
     return {"arm": _arm(random, elements=int(_between(random, 16, 64))), "activation": Activation(templates=tuple(drives)), "duration": 6.0}
@@ -191,7 +195,7 @@ def _settling(random):
 NONSENSE = (0.0, -1.0, float("nan"), float("inf"), 1e-300, 1e300, -1e-9, "long", None)
 
 
-def _nonsense(random):
+def _nonsense(random, number):
     """One field of an arm that can be built is replaced by something absurd."""
     arm = _arm(random)
     name = str(random.choice(list(arm)))
@@ -219,12 +223,11 @@ KINDS = {
 """Trials of the rod."""
 
 
-def _assembly_full_step(random):
-    group = str(random.choice(MUSCLE_GROUPS))
-    return {"activation": Activation(templates=(Plateau(groups=(group,), level=1.0, rise=1e-6, onset=0.05),))}
+def _assembly_full_step(random, number):
+    return {"activation": _step(number)}
 
 
-def _assembly_all_groups(random):
+def _assembly_all_groups(random, number):
     return {"activation": _activation(random, 10.0, rise=(0.02, 2.0), groups=MUSCLE_GROUPS), "duration": 10.0}
 
 

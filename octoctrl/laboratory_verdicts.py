@@ -12,6 +12,7 @@ from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 
 from . import laboratory_checks as checks
 from .laboratory_trials import ASSEMBLY_KINDS
+from .plants import make_plant
 
 TOLERANCE = 0.01
 """Distance of the tip from that of a run at half the step, rms over time and over the arm's length, up to which a run is accurate."""
@@ -75,6 +76,11 @@ class Outcome:
     simulated: float = 0.0
     spent: float = 0.0
 
+    @property
+    def undetected(self):
+        """Whether this is a failure that no guard caught."""
+        return self.verdict == Verdict.UNDETECTED.name
+
 
 def perform(trial):
     """Carry out one trial and judge it.
@@ -110,15 +116,13 @@ class _Run:
     def _plant(self, finer=1, displacement=0.0):
         """The trial's plant at its begin; at a part of the step, or with its nodes displaced at random."""
         from octoctrl.sim.arm import Arm
-        from octoctrl.sim.assembly import AssemblyPlant
         from octoctrl.sim.plant import Plant
         from octoctrl.sim.rod_layout import Row
         from octoctrl.sim.scene import Scene
 
         trial = self.trial
         if trial.kind in ASSEMBLY_KINDS:
-            plant = AssemblyPlant()
-            return plant if finer == 1 else AssemblyPlant(dt=plant.h / finer)
+            return make_plant("assembly")
         arm, scene = Arm(**trial.arm), Scene(water=None) if trial.water is None else Scene.free(factor=trial.water)
         plant = Plant(arm, scene)
         if trial.step is not None:
@@ -166,11 +170,19 @@ class _Run:
     def _released(self):
         from octoctrl.sim.recording import Recording
 
-        pieces, energies = [], [checks.passive_energy(self.plant)]
-        for _ in range(round(self.trial.duration / 0.01)):
-            pieces.append(self.plant.advance(self.trial.activation, 0.01))
-            energies.append(checks.passive_energy(self.plant))
-        return Recording.joined(pieces), checks.dissipative(np.array(energies))
+        def go(plant):
+            pieces, energies = [], [checks.passive_energy(plant)]
+            for _ in range(round(self.trial.duration / 0.01)):
+                pieces.append(plant.advance(self.trial.activation, 0.01))
+                energies.append(checks.passive_energy(plant))
+            return Recording.joined(pieces), checks.growth(np.array(energies))
+
+        recording, growth = go(self.plant)
+        if growth < checks.GROWTH:
+            return recording, None
+        by_itself = go(self._plant(finer=4))[1]
+        grew = f"the energy of the passive arm grew by {growth:.1%}, at a quarter of the step by {by_itself:.1%}"
+        return recording, grew if growth - by_itself > checks.GROWTH else None
 
     def _restarted(self):
         trial, first = self.trial, self._plant()

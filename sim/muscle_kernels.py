@@ -314,11 +314,12 @@ def section_kernels(stride):
             b[N2 + k] += b[TENSION + k] * b[T2 + k]
             b[N3 + k] += b[TENSION + k] * b[T3 + k]
             here, before = 0.5 * b[LENGTH + k] * b[INVERSE_JOINT + k], 0.5 * b[LENGTH + p] * b[INVERSE_JOINT + k]
-            # Fibres see the mean curvature of an element's two joints; its zigzag, which they miss, is braked with their own viscosity.
-            brake = 0.25 * (here * b[STIFF_TURN + k] + before * b[STIFF_TURN + p])
-            zigzag1 = brake * (2 * b[KRATE1 + k] - b[KRATE1 + p] - b[KRATE1 + q])
-            zigzag2 = brake * (2 * b[KRATE2 + k] - b[KRATE2 + p] - b[KRATE2 + q])
-            zigzag3 = brake * (2 * b[KRATE3 + k] - b[KRATE3 + p] - b[KRATE3 + q])
+            # Fibres see the mean curvature of an element's two joints; its zigzag, which they miss, is braked with their own viscosity,
+            # each element's alike on both of its joints: weights by joint would not be symmetric and feed what they should brake.
+            inner, outer = 0.5 * here * b[STIFF_TURN + k], 0.5 * before * b[STIFF_TURN + p]
+            zigzag1 = inner * (b[KRATE1 + k] - b[KRATE1 + q]) + outer * (b[KRATE1 + k] - b[KRATE1 + p])
+            zigzag2 = inner * (b[KRATE2 + k] - b[KRATE2 + q]) + outer * (b[KRATE2 + k] - b[KRATE2 + p])
+            zigzag3 = inner * (b[KRATE3 + k] - b[KRATE3 + q]) + outer * (b[KRATE3 + k] - b[KRATE3 + p])
             b[M1 + k] += here * b[MOMENT1 + k] + before * b[MOMENT1 + p] + zigzag1
             b[M2 + k] += here * b[MOMENT2 + k] + before * b[MOMENT2 + p] + zigzag2
             b[M3 + k] += here * b[MOMENT3 + k] + before * b[MOMENT3 + p] + zigzag3
