@@ -10,6 +10,7 @@ import pytest
 import octoctrl as oc
 from octoctrl import identifying, store, tasks
 from octoctrl.cli import main
+from octoctrl.configuration import parse, toml_of
 from octoctrl.execution import PERIODS, execute
 from octoctrl.identifying import identify, load_model
 from octoctrl.planners import identification
@@ -166,6 +167,13 @@ def test_plan_knows_its_plant(plan, tmp_path):
     assert store.load(tmp_path / "plan.npz").plant == "assembly"
     other = oc.plan("coil")
     assert other.plant == "rod" and other.statistics["numbers"] != plan.statistics["numbers"]
+
+
+def test_task_file_names_the_plant(plan):
+    configuration = parse(toml_of(tasks.load("coil", overrides=["run.plant=assembly"])))
+    assert configuration.run.plant == "assembly"
+    made = oc.plan(configuration)
+    assert made.plant == "assembly" and made.statistics["numbers"] == plan.statistics["numbers"]
 
 
 def test_plan_for_the_full_arm_stays_where_the_model_was_identified(plan):
