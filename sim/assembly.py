@@ -12,7 +12,7 @@ import numpy as np
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .assembly_diagnosis import cause
-from .assembly_geometry import assembly_geometry
+from .assembly_geometry import assembly_geometry, octopus_grid
 from .assembly_layout import AssemblyRow, SpokeRow
 from .errors import PlantUnstableError, check_number
 from .plant import BUILDING, Observation, Plant
@@ -60,7 +60,7 @@ class AssemblyPlant(Plant):
     """
 
     def __init__(
-        self, arm=None, scene=None, *, dt="auto", resting_tone=0.001, paper_compatible=False, sample_interval=5e-3, record_every=2
+        self, arm=None, scene=None, *, rings=None, dt="auto", resting_tone=0.001, paper_compatible=False, sample_interval=5e-3, record_every=2
     ):
         self.arm = Arm.octopus() if arm is None else arm
         self.scene = Scene() if scene is None else scene
@@ -71,8 +71,9 @@ class AssemblyPlant(Plant):
         check_number("resting_tone", resting_tone, at_least=0.0, at_most=1.0)
         self.resting_tone, self.paper_compatible = resting_tone, paper_compatible
         self.sample_interval, self.record_every = sample_interval, record_every
-        self.geometry = assembly_geometry(self.arm)
-        self.grid = self.geometry.grid
+        published = octopus_grid(self.arm)
+        self.grid = octopus_grid(self.arm, rings)
+        self.geometry = assembly_geometry(self.arm, self.grid, published.rings / self.grid.rings)
         self.elements = self.grid.rings
         self._ring_radius = np.linalg.norm(self.geometry.rings.points[..., ::2], axis=2).mean(axis=1)
         self.edges = np.linspace(0.0, self.arm.length, self.elements + 1)

@@ -20,7 +20,7 @@ from math import atan, cos, pi, sin, sqrt, tau
 
 import numpy as np
 
-from .assembly_layout import AssemblyGrid
+from .assembly_layout import LARGEST_COUNT, AssemblyGrid
 from .errors import OctoctrlError
 
 SHEAR_COEFFICIENT = 4 / 3
@@ -43,6 +43,8 @@ class RodFamily:
     radius : (R, n) float64, m
     density : (R,) float64, kg/m^3
     closed : bool
+    fibres : float
+        Fibres of that radius side by side in one rod: a bundle, not a thick rod.
     """
 
     points: np.ndarray
@@ -50,6 +52,7 @@ class RodFamily:
     radius: np.ndarray
     density: np.ndarray
     closed: bool = False
+    fibres: float = 1.0
 
     @property
     def edges(self):
@@ -70,8 +73,8 @@ class RodFamily:
 
     @property
     def area(self):
-        """Cross-sections (R, n), m^2."""
-        return pi * self.radius**2
+        """Cross-sections (R, n) of all fibres, m^2."""
+        return self.fibres * pi * self.radius**2
 
     @property
     def element_mass(self):
@@ -88,8 +91,8 @@ class RodFamily:
 
     @property
     def second_moment(self):
-        """Second moment of area (R, n) in bending, m^4; twice that in twist."""
-        return self.area**2 / (4 * pi)
+        """Second moment of area (R, n) in bending, m^4: the sum of the fibres', each about its own axis; twice that in twist."""
+        return self.area**2 / (4 * pi) / self.fibres
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,29 +128,42 @@ class AssemblyGeometry:
         return sum(family.radius.size for family in (self.straight, self.rings, self.oblique))
 
 
-def published_grid(arm):
-    """The grid of the source: rings that touch each other, of 40 nodes.
+PUBLISHED_NODES = 40
+
+
+def octopus_grid(arm, rings=None):
+    """The grid of an arm of eight muscles.
+
+    Published are rings that touch each other, of 40 nodes. With another number of `rings`, each stands for a bundle of published ones (or
+    for a part of one), and has fewer nodes in the same ratio, so that the helices still meet ring nodes.
 
     Raises
     ------
     OctoctrlError
-        If the arm's length is no whole number of rings.
+        If the arm's length is no whole number of published rings, or the longitudinal muscles would miss the ring nodes.
     """
-    count = round(arm.length / (2 * arm.ring_radius))
-    if count < 8 or abs(count * 2 * arm.ring_radius / arm.length - 1) > 1e-9:
+    published = round(arm.length / (2 * arm.ring_radius))
+    if published < 8 or abs(published * 2 * arm.ring_radius / arm.length - 1) > 1e-9:
         raise OctoctrlError(f"ring_radius={arm.ring_radius:g} m: the arm's length must be a whole number (at least 8) of ring thicknesses")
-    return AssemblyGrid(rings=count)
+    rings = published if rings is None else rings
+    fit = [count for count in range(8, LARGEST_COUNT + 1) if PUBLISHED_NODES * count % (8 * published) == 0]
+    if rings not in fit:
+        raise OctoctrlError(
+            f"rings={rings!r}: {published} rings of {PUBLISHED_NODES} nodes can only be bundled so that all eight muscles meet a node; "
+            f"choose {', '.join(str(count) for count in fit)}"
+        )
+    return AssemblyGrid(rings=rings, ring_nodes=PUBLISHED_NODES * rings // published)
 
 
-def assembly_geometry(arm, grid=None):
-    """Build the rods of `arm` on `grid`, by default on the published one.
+def assembly_geometry(arm, grid=None, fibres=1.0):
+    """Build the rods of `arm` on `grid`, by default on the published one; a ring is a bundle of so many `fibres`.
 
     Raises
     ------
     OctoctrlError
         If ring thickness or pitch of the helices do not fit the grid of rings and ring nodes.
     """
-    grid = published_grid(arm) if grid is None else grid
+    grid = octopus_grid(arm) if grid is None else grid
     spacing = arm.length / grid.rings
     turn = grid.ring_nodes * spacing / arm.oblique_pitch
     step = round(turn)
@@ -156,12 +172,12 @@ def assembly_geometry(arm, grid=None):
             f"oblique_pitch={arm.oblique_pitch:g} m: an oblique fibre must advance by a whole number of ring nodes "
             f"(1/{grid.ring_nodes} turn) per ring; the nearest pitch is {grid.ring_nodes * spacing / max(step, 1):.6g} m"
         )
-    outline = np.linspace(1.0, 1 / arm.taper, grid.rings)
+    outline = _outline(arm, grid, fibres)
     cord, muscle = _touching_radii(arm, grid.spokes)
     straight, inclination = _straight_rods(arm, grid, cord, muscle, outline)
     layer = straight.radius[0] + 2 * straight.radius[1] + arm.ring_radius
     heights = straight.centres[0, :, 1]
-    rings = _rings(arm, grid, heights, layer)
+    rings = _rings(arm, grid, heights, layer, fibres)
     fibre = arm.oblique_radius * outline
     oblique, nodes, edges = _helices(arm, grid, spacing, step, layer + arm.ring_radius + fibre, fibre)
     return AssemblyGeometry(
@@ -174,6 +190,12 @@ def assembly_geometry(arm, grid=None):
         oblique_nodes=nodes,
         oblique_edges=edges,
     )
+
+
+def _outline(arm, grid, fibres):
+    """Radii over those of the first published ring, which fall to 1 / taper at the last one, at the middles of the bundles."""
+    inside = (fibres - 1) / 2 * (1 - 1 / arm.taper) / (grid.rings * fibres - 1)
+    return np.linspace(1.0 - inside, 1 / arm.taper + inside, grid.rings)
 
 
 def _touching_radii(arm, spokes):
@@ -206,14 +228,15 @@ def _straight_rods(arm, grid, cord, muscle, outline):
     return RodFamily(points=points, frames=frames, radius=radius, density=density), inclination
 
 
-def _rings(arm, grid, heights, layer):
+def _rings(arm, grid, heights, layer, fibres):
     angle = tau * np.arange(grid.ring_nodes) / grid.ring_nodes
     points = np.empty((heights.size, grid.ring_nodes, 3))
     points[..., 0], points[..., 2] = layer[:, None] * np.cos(angle), layer[:, None] * np.sin(angle)
     points[..., 1] = heights[:, None]
     frames = _frames_of(np.roll(points, -1, axis=1) - points, np.array([0.0, -1.0, 0.0]))
     radius = np.full(points.shape[:2], arm.ring_radius)
-    return RodFamily(points=points, frames=frames, radius=radius, density=np.full(heights.size, arm.densities[2]), closed=True)
+    density = np.full(heights.size, arm.densities[2])
+    return RodFamily(points=points, frames=frames, radius=radius, density=density, closed=True, fibres=fibres)
 
 
 def _helices(arm, grid, spacing, step, path, fibre):
@@ -351,11 +374,12 @@ def ring_connections(arm, geometry):
     thick, modulus = arm.ring_radius, arm.youngs_modulus
     element = geometry.rings.length[:, 0]
     perimeter = geometry.rings.length.sum(axis=1)
-    muscle = 2 * thick * perimeter * modulus / (thick + geometry.straight.radius[1]) * RING_MUSCLE_SPRING
+    fibres = geometry.rings.fibres
+    muscle = fibres * 2 * thick * perimeter * modulus / (thick + geometry.straight.radius[1]) * RING_MUSCLE_SPRING
     oblique = 2 * thick * element * modulus / (thick + geometry.oblique.radius[0, :: geometry.grid.helix_nodes]) * RING_OBLIQUE_SPRING
     return RingConnections(
         muscle_spring=muscle,
-        muscle_torque=perimeter / 2 * modulus * RING_MUSCLE_TORQUE,
+        muscle_torque=perimeter / 2 * modulus * RING_MUSCLE_TORQUE / fibres,
         muscle_contact=RING_MUSCLE_CONTACT * muscle * ROOT_MILLIMETRE,
         ring_spring=2 * thick * element[1:] * geometry.grid.spoke_pitch * modulus / geometry.spacing * RING_RING_SPRING,
         oblique_spring=oblique,

@@ -6,7 +6,7 @@ import pytest
 from octoctrl.sim.arm import Arm
 from octoctrl.sim.assembly import _compiled
 from octoctrl.sim.assembly_buffer import fill_parameters, new_assembly, set_rest
-from octoctrl.sim.assembly_geometry import assembly_geometry, published_grid
+from octoctrl.sim.assembly_geometry import assembly_geometry, octopus_grid
 from octoctrl.sim.assembly_layout import AssemblyGrid
 from octoctrl.sim.assembly_layout import AssemblyRow as R
 from octoctrl.sim.errors import OctoctrlError
@@ -25,8 +25,8 @@ TENTACLE = Arm.octopus(
 TWELVE = AssemblyGrid(rings=96, ring_nodes=24, spokes=12, helix_nodes=4)
 
 
-def test_the_octopus_arm_has_the_published_grid():
-    assert published_grid(Arm.octopus()) == AssemblyGrid(rings=180, ring_nodes=40, spokes=8, helices=8, helix_nodes=2)
+def test_the_octopus_arm_has_the_octopus_grid():
+    assert octopus_grid(Arm.octopus()) == AssemblyGrid(rings=180, ring_nodes=40, spokes=8, helices=8, helix_nodes=2)
 
 
 def test_a_grid_of_twelve_muscles_has_the_published_places():
