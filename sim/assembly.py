@@ -12,16 +12,16 @@ import numpy as np
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .assembly_diagnosis import cause
-from .assembly_geometry import assembly_geometry, octopus_grid
+from .assembly_geometry import assembly_geometry, octopus_grid, thin_ring_limit
 from .assembly_layout import AssemblyRow, SpokeRow
-from .errors import PlantUnstableError, check_number
+from .errors import OctoctrlError, PlantUnstableError, check_number
 from .plant import BUILDING, Observation, Plant
 from .rod import FINDINGS as ROD_FINDINGS
 from .scene import Scene
 from .step_limits import StepLimit
 
-DEFAULT_STEP = 5e-5
-LARGEST_STEP = 6e-5
+DEFAULT_SHARE, LARGEST_SHARE = 0.58, 0.695
+"""Shares of the linear limit that a step takes, and may take: 50 and 60 of 86 microseconds for the published arm, where 70 diverges."""
 PUBLISHED_STEP = 1e-5
 FINDINGS = ROD_FINDINGS | {4: "moves faster than 10 m/s"}
 TONE_RAMP = 0.01
@@ -42,8 +42,11 @@ class AssemblyPlant(Plant):
     ----------
     arm : Arm
     scene : Scene
+    rings : int, optional
+        Resolution: the same arm with fewer or more rings than the published 180, each a bundle or a part of those, which costs as much less
+        or more as it has elements (72, 108, 144, 360, ...; see docs/assembly.md for what each changes).
     dt : float or "auto", s
-        Largest time step; ``"auto"`` is `DEFAULT_STEP`.
+        Largest time step; ``"auto"`` is `DEFAULT_SHARE` of the limit of the thinnest rings.
     resting_tone : float
         Smallest activation of the nerve cord, the longitudinal and the transverse muscles, as in the source. Within 2.5 % of rest no
         passive stress resists, so that even 0.001 keeps the rings round and sets how much the arm shortens when it is twisted.
@@ -60,25 +63,38 @@ class AssemblyPlant(Plant):
     """
 
     def __init__(
-        self, arm=None, scene=None, *, rings=None, dt="auto", resting_tone=0.001, paper_compatible=False, sample_interval=5e-3, record_every=2
+        self,
+        arm=None,
+        scene=None,
+        *,
+        rings=None,
+        dt="auto",
+        resting_tone=0.001,
+        paper_compatible=False,
+        sample_interval=5e-3,
+        record_every=2,
     ):
         self.arm = Arm.octopus() if arm is None else arm
         self.scene = Scene() if scene is None else scene
         check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
-        usual = PUBLISHED_STEP if paper_compatible else DEFAULT_STEP
-        largest = usual if dt == "auto" else dt
-        check_number("dt", largest, above=0.0, at_most=LARGEST_STEP, unit="s", advice="use dt='auto'")
         check_number("resting_tone", resting_tone, at_least=0.0, at_most=1.0)
         self.resting_tone, self.paper_compatible = resting_tone, paper_compatible
         self.sample_interval, self.record_every = sample_interval, record_every
-        published = octopus_grid(self.arm)
         self.grid = octopus_grid(self.arm, rings)
-        self.geometry = assembly_geometry(self.arm, self.grid, published.rings / self.grid.rings)
+        if paper_compatible and self.grid.bundle != 1:
+            raise OctoctrlError(
+                f"rings={rings}: paper_compatible is the published arm of {octopus_grid(self.arm).rings} rings; leave rings out"
+            )
+        self.geometry = assembly_geometry(self.arm, self.grid)
+        limit, thinnest = thin_ring_limit(self.arm, self.geometry)
+        usual, allowed = (round(share * limit, 6) for share in (DEFAULT_SHARE, LARGEST_SHARE))
+        largest = dt if dt != "auto" else PUBLISHED_STEP if paper_compatible else usual
+        check_number("dt", largest, above=0.0, at_most=allowed, unit="s", advice="use dt='auto'")
         self.elements = self.grid.rings
         self._ring_radius = np.linalg.norm(self.geometry.rings.points[..., ::2], axis=2).mean(axis=1)
         self.edges = np.linspace(0.0, self.arm.length, self.elements + 1)
         self.stations = np.concatenate([[0.0], (self.edges[1:] + self.edges[:-1]) / 2, [self.arm.length]])
-        self.limit = StepLimit(step=LARGEST_STEP, mechanism="thin rings", element=self.elements - 1)
+        self.limit = StepLimit(step=allowed, mechanism="thin rings", element=thinnest)
         self.steps = max(1, ceil(sample_interval / largest - 1e-9))
         self.h = sample_interval / self.steps
         self.rods = new_assembly(self.geometry)

@@ -146,17 +146,19 @@ def octopus_grid(arm, rings=None):
     if published < 8 or abs(published * 2 * arm.ring_radius / arm.length - 1) > 1e-9:
         raise OctoctrlError(f"ring_radius={arm.ring_radius:g} m: the arm's length must be a whole number (at least 8) of ring thicknesses")
     rings = published if rings is None else rings
-    fit = [count for count in range(8, LARGEST_COUNT + 1) if PUBLISHED_NODES * count % (8 * published) == 0]
+    # At least one node between neighbouring muscles.
+    nodes = {count: PUBLISHED_NODES * count / published for count in range(8, LARGEST_COUNT + 1)}
+    fit = [count for count, each in nodes.items() if each % 8 == 0 and each >= 16]
     if rings not in fit:
         raise OctoctrlError(
             f"rings={rings!r}: {published} rings of {PUBLISHED_NODES} nodes can only be bundled so that all eight muscles meet a node; "
             f"choose {', '.join(str(count) for count in fit)}"
         )
-    return AssemblyGrid(rings=rings, ring_nodes=PUBLISHED_NODES * rings // published)
+    return AssemblyGrid(rings=rings, ring_nodes=PUBLISHED_NODES * rings // published, bundle=published / rings)
 
 
-def assembly_geometry(arm, grid=None, fibres=1.0):
-    """Build the rods of `arm` on `grid`, by default on the published one; a ring is a bundle of so many `fibres`.
+def assembly_geometry(arm, grid=None):
+    """Build the rods of `arm` on `grid`, by default on the published one.
 
     Raises
     ------
@@ -172,12 +174,12 @@ def assembly_geometry(arm, grid=None, fibres=1.0):
             f"oblique_pitch={arm.oblique_pitch:g} m: an oblique fibre must advance by a whole number of ring nodes "
             f"(1/{grid.ring_nodes} turn) per ring; the nearest pitch is {grid.ring_nodes * spacing / max(step, 1):.6g} m"
         )
-    outline = _outline(arm, grid, fibres)
+    outline = _outline(arm, grid)
     cord, muscle = _touching_radii(arm, grid.spokes)
     straight, inclination = _straight_rods(arm, grid, cord, muscle, outline)
     layer = straight.radius[0] + 2 * straight.radius[1] + arm.ring_radius
     heights = straight.centres[0, :, 1]
-    rings = _rings(arm, grid, heights, layer, fibres)
+    rings = _rings(arm, grid, heights, layer)
     fibre = arm.oblique_radius * outline
     oblique, nodes, edges = _helices(arm, grid, spacing, step, layer + arm.ring_radius + fibre, fibre)
     return AssemblyGeometry(
@@ -192,9 +194,9 @@ def assembly_geometry(arm, grid=None, fibres=1.0):
     )
 
 
-def _outline(arm, grid, fibres):
+def _outline(arm, grid):
     """Radii over those of the first published ring, which fall to 1 / taper at the last one, at the middles of the bundles."""
-    inside = (fibres - 1) / 2 * (1 - 1 / arm.taper) / (grid.rings * fibres - 1)
+    inside = (grid.bundle - 1) / 2 * (1 - 1 / arm.taper) / (grid.rings * grid.bundle - 1)
     return np.linspace(1.0 - inside, 1 / arm.taper + inside, grid.rings)
 
 
@@ -228,7 +230,7 @@ def _straight_rods(arm, grid, cord, muscle, outline):
     return RodFamily(points=points, frames=frames, radius=radius, density=density), inclination
 
 
-def _rings(arm, grid, heights, layer, fibres):
+def _rings(arm, grid, heights, layer):
     angle = tau * np.arange(grid.ring_nodes) / grid.ring_nodes
     points = np.empty((heights.size, grid.ring_nodes, 3))
     points[..., 0], points[..., 2] = layer[:, None] * np.cos(angle), layer[:, None] * np.sin(angle)
@@ -236,7 +238,7 @@ def _rings(arm, grid, heights, layer, fibres):
     frames = _frames_of(np.roll(points, -1, axis=1) - points, np.array([0.0, -1.0, 0.0]))
     radius = np.full(points.shape[:2], arm.ring_radius)
     density = np.full(heights.size, arm.densities[2])
-    return RodFamily(points=points, frames=frames, radius=radius, density=density, closed=True, fibres=fibres)
+    return RodFamily(points=points, frames=frames, radius=radius, density=density, closed=True, fibres=grid.bundle)
 
 
 def _helices(arm, grid, spacing, step, path, fibre):
@@ -245,16 +247,19 @@ def _helices(arm, grid, spacing, step, path, fibre):
     heights = spacing / per_ring * (per_ring / 2 + node)
     angle = tau * step / (per_ring * grid.ring_nodes) * node
     at_node = path[node // per_ring]
+    # Helices that advance by two nodes per ring miss every other place between muscles an even number of nodes apart: every other helix,
+    # one node on, fills the gaps, so that rings are loaded between their spokes as evenly as in the published grid.
+    shift = np.arange(helices) % 2 * (1 - grid.spoke_pitch % 2) if grid.bundle != 1 else np.zeros(helices, dtype=int)
     points = np.empty((helices, node.size, 3))
     for number in range(helices):
-        azimuth = (angle if number < half else -angle) + number * tau / half
+        azimuth = (angle if number < half else -angle) + number * tau / half + shift[number] * tau / grid.ring_nodes
         points[number] = np.stack([at_node * np.cos(azimuth), heights, at_node * np.sin(azimuth)], axis=1)
     edges = np.diff(points, axis=1)
     frames = _frames_of(edges, np.cross([0.0, 1.0, 0.0], edges))
     before, share = node[:-1] // per_ring, node[:-1] % per_ring / per_ring
     radius = (1 - share) * fibre[before] + share * fibre[np.minimum(before + 1, count - 1)]
     ring, number = step * np.arange(count), np.arange(helices)[:, None]
-    nodes = np.where(number < half, ring, -ring) + grid.ring_nodes // half * number
+    nodes = np.where(number < half, ring, -ring) + grid.ring_nodes // half * number + shift[:, None]
     family = RodFamily(points=points, frames=frames, radius=np.tile(radius, (helices, 1)), density=np.full(helices, arm.densities[3]))
     return family, nodes % grid.ring_nodes, heights
 
@@ -359,6 +364,8 @@ class RingConnections:
         Ring i to ring i + 1, at each spoke.
     oblique_spring : (N,) float64, N/m
     oblique_contact : (N,) float64, N/m^1.5
+    oblique_sag : (N,) float64, m
+        Depth to which the helices' nodes between bundles of rings can sink before they touch one.
     """
 
     muscle_spring: np.ndarray
@@ -367,6 +374,7 @@ class RingConnections:
     ring_spring: np.ndarray
     oblique_spring: np.ndarray
     oblique_contact: np.ndarray
+    oblique_sag: np.ndarray
 
 
 def ring_connections(arm, geometry):
@@ -374,14 +382,52 @@ def ring_connections(arm, geometry):
     thick, modulus = arm.ring_radius, arm.youngs_modulus
     element = geometry.rings.length[:, 0]
     perimeter = geometry.rings.length.sum(axis=1)
-    fibres = geometry.rings.fibres
-    muscle = fibres * 2 * thick * perimeter * modulus / (thick + geometry.straight.radius[1]) * RING_MUSCLE_SPRING
+    bundle = geometry.grid.bundle
+    muscle = bundle * 2 * thick * perimeter * modulus / (thick + geometry.straight.radius[1]) * RING_MUSCLE_SPRING
     oblique = 2 * thick * element * modulus / (thick + geometry.oblique.radius[0, :: geometry.grid.helix_nodes]) * RING_OBLIQUE_SPRING
     return RingConnections(
         muscle_spring=muscle,
-        muscle_torque=perimeter / 2 * modulus * RING_MUSCLE_TORQUE / fibres,
+        muscle_torque=perimeter / 2 * modulus * RING_MUSCLE_TORQUE / bundle,
         muscle_contact=RING_MUSCLE_CONTACT * muscle * ROOT_MILLIMETRE,
         ring_spring=2 * thick * element[1:] * geometry.grid.spoke_pitch * modulus / geometry.spacing * RING_RING_SPRING,
         oblique_spring=oblique,
         oblique_contact=RING_OBLIQUE_CONTACT * oblique * ROOT_MILLIMETRE,
+        oblique_sag=_sag(arm, geometry),
     )
+
+
+def _sag(arm, geometry):
+    """Depth that leaves a helix the slack which it has between its published rings.
+
+    A fibre under tension straightens between the rings that it is joined to, and its middle node sinks from the arc to the chord unless
+    it touches a ring before, which it does at a `gap`. Sinking by a share x of the way gives 1 - (1 - x)^2 of the slack, and all of it
+    grows with the square of the angle from ring to ring.
+    """
+    bundle, angle = geometry.grid.bundle, tau / PUBLISHED_NODES
+    fibre = geometry.oblique.radius[0, :: geometry.grid.helix_nodes]
+    reach = arm.ring_radius + fibre
+    path = np.hypot(geometry.rings.points[:, 0, 0], geometry.rings.points[:, 0, 2]) + reach
+    gap = np.hypot(reach, arm.ring_radius) - reach
+    share = 1 - (1 - np.minimum(gap / (path * (1 - cos(angle))), 1.0)) ** 2
+    return path * (1 - cos(bundle * angle)) * (1 - np.sqrt(1 - np.minimum(share / bundle**2, 1.0)))
+
+
+def thin_ring_limit(arm, geometry):
+    """Linear limit of the step, 2 over the highest frequency of the springs at a ring's nodes, which no implicit step carries.
+
+    The two modes that bind are a ring node against the longitudinal muscle inside it (few rings), and a ring node against its neighbours
+    in the next rings (many).
+
+    Returns
+    -------
+    float, s
+    int
+        Ring where it binds.
+    """
+    joints = ring_connections(arm, geometry)
+    ring, muscle = geometry.rings.node_mass[:, 0], geometry.straight.element_mass[1]
+    beside = np.append(joints.ring_spring, 0.0) + np.insert(joints.ring_spring, 0, 0.0)
+    opposite = joints.muscle_spring * (1 / ring + 1 / muscle)
+    alternate = (joints.muscle_spring + 2 * beside + joints.oblique_spring) / ring
+    square = np.maximum(opposite, alternate)
+    return 2 / float(np.sqrt(square.max())), int(square.argmax())

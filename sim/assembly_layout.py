@@ -41,6 +41,8 @@ class AssemblyGrid:
         Oblique helices; the first half is left-handed.
     helix_nodes : int
         Nodes of a helix from one ring to the next.
+    bundle : float
+        Touching rings of the arm that one ring here stands for.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class AssemblyGrid:
     spokes: int = 8
     helices: int = 8
     helix_nodes: int = 2
+    bundle: float = 1.0
 
     def __post_init__(self):
         for name, step in (("rings", 1), ("spokes", 4), ("helices", 2), ("helix_nodes", 2), ("ring_nodes", self.spokes)):
@@ -156,7 +159,7 @@ class CrossingRow(_Row):
     P1, P2, P3, P_RADIUS = (auto() for _ in range(4))
     H1, H2, H3, H_RADIUS = (auto() for _ in range(4))
     N1, N2, N3, N_RADIUS = (auto() for _ in range(4))
-    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE = (auto() for _ in range(5))
+    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE, BAND, SAG = (auto() for _ in range(7))
     # Forces on ring nodes and helix nodes.
     FA1, FA2, FA3, FB1, FB2, FB3, FS1, FS2, FS3, FD1, FD2, FD3, FE1, FE2, FE3 = (auto() for _ in range(15))
     FP1, FP2, FP3, FH1, FH2, FH3, FN1, FN2, FN3 = (auto() for _ in range(9))
