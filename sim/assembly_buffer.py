@@ -277,7 +277,7 @@ def _fill_connections(buffer, arm, geometry, h):
     buffer.crossing(C.SPRING)[:] = ring.oblique_spring
     for row in (C.CONTACT, C.P_CONTACT, C.N_CONTACT):
         buffer.crossing(row)[:] = ring.oblique_contact
-    buffer.crossing(C.BAND)[:], buffer.crossing(C.SAG)[:] = grid.bundle * arm.ring_radius, ring.oblique_sag
+    buffer.crossing(C.BAND)[:] = max(grid.bundle - 1, 0.0) * arm.ring_radius
     # The first ring's lower helix neighbour, and the last ring's upper one, do not exist.
     half = grid.helices // 2
     buffer.crossing(C.N_CONTACT)[:half, 0] = buffer.crossing(C.P_CONTACT)[half:, 0] = 0.0

@@ -95,8 +95,8 @@ def crossing_kernels(grid):
     FH1, FH2, FH3 = force["H"]
     FN1, FN2, FN3 = force["N"]
     A_RADIUS, B_RADIUS, S_RADIUS, D_RADIUS, E_RADIUS, P_RADIUS, H_RADIUS, N_RADIUS = (c[f"{place}_RADIUS"] for place in "ABSDEPHN")
-    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE, BAND, SAG = (
-        c[k] for k in ("SPRING", "CONTACT", "P_CONTACT", "N_CONTACT", "EFFECTIVE", "BAND", "SAG")
+    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE, BAND = (
+        c[k] for k in ("SPRING", "CONTACT", "P_CONTACT", "N_CONTACT", "EFFECTIVE", "BAND")
     )
     bundled = grid.bundle > 1
 
@@ -137,8 +137,6 @@ def crossing_kernels(grid):
                     inverse, band = 1 / np.sqrt(n1 * n1 + n2 * n2 + n3 * n3), b[BAND + k]
                     n1, n2, n3 = n1 * inverse, n2 * inverse, n3 * inverse
                 p1, p2, p3, radius, stiffness = b[P1 + k], b[P2 + k], b[P3 + k], b[P_RADIUS + k], b[P_CONTACT + k]
-                if bundled:
-                    radius -= b[SAG + k]
                 d1, d2, d3 = b[D1 + k] - p1, b[D2 + k] - p2, b[D3 + k] - p3
                 if bundled:
                     d1, d2, d3 = outside(d1, d2, d3, n1, n2, n3, band)
@@ -153,8 +151,6 @@ def crossing_kernels(grid):
                 b[FE1 + k], b[FE2 + k], b[FE3 + k] = d1, d2, d3
                 b[FP1 + k], b[FP2 + k], b[FP3 + k] = -f1 - d1, -f2 - d2, -f3 - d3
                 p1, p2, p3, radius, stiffness = b[N1 + k], b[N2 + k], b[N3 + k], b[N_RADIUS + k], b[N_CONTACT + k]
-                if bundled:
-                    radius -= b[SAG + k]
                 d1, d2, d3 = b[B1 + k] - p1, b[B2 + k] - p2, b[B3 + k] - p3
                 if bundled:
                     d1, d2, d3 = outside(d1, d2, d3, n1, n2, n3, band)

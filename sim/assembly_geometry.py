@@ -364,8 +364,6 @@ class RingConnections:
         Ring i to ring i + 1, at each spoke.
     oblique_spring : (N,) float64, N/m
     oblique_contact : (N,) float64, N/m^1.5
-    oblique_sag : (N,) float64, m
-        Depth to which the helices' nodes between bundles of rings can sink before they touch one.
     """
 
     muscle_spring: np.ndarray
@@ -374,7 +372,6 @@ class RingConnections:
     ring_spring: np.ndarray
     oblique_spring: np.ndarray
     oblique_contact: np.ndarray
-    oblique_sag: np.ndarray
 
 
 def ring_connections(arm, geometry):
@@ -392,24 +389,7 @@ def ring_connections(arm, geometry):
         ring_spring=2 * thick * element[1:] * geometry.grid.spoke_pitch * modulus / geometry.spacing * RING_RING_SPRING,
         oblique_spring=oblique,
         oblique_contact=RING_OBLIQUE_CONTACT * oblique * ROOT_MILLIMETRE,
-        oblique_sag=_sag(arm, geometry),
     )
-
-
-def _sag(arm, geometry):
-    """Depth that leaves a helix the slack which it has between its published rings.
-
-    A fibre under tension straightens between the rings that it is joined to, and its middle node sinks from the arc to the chord unless
-    it touches a ring before, which it does at a `gap`. Sinking by a share x of the way gives 1 - (1 - x)^2 of the slack, and all of it
-    grows with the square of the angle from ring to ring.
-    """
-    bundle, angle = geometry.grid.bundle, tau / PUBLISHED_NODES
-    fibre = geometry.oblique.radius[0, :: geometry.grid.helix_nodes]
-    reach = arm.ring_radius + fibre
-    path = np.hypot(geometry.rings.points[:, 0, 0], geometry.rings.points[:, 0, 2]) + reach
-    gap = np.hypot(reach, arm.ring_radius) - reach
-    share = 1 - (1 - np.minimum(gap / (path * (1 - cos(angle))), 1.0)) ** 2
-    return path * (1 - cos(bundle * angle)) * (1 - np.sqrt(1 - np.minimum(share / bundle**2, 1.0)))
 
 
 def thin_ring_limit(arm, geometry):

@@ -159,7 +159,7 @@ class CrossingRow(_Row):
     P1, P2, P3, P_RADIUS = (auto() for _ in range(4))
     H1, H2, H3, H_RADIUS = (auto() for _ in range(4))
     N1, N2, N3, N_RADIUS = (auto() for _ in range(4))
-    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE, BAND, SAG = (auto() for _ in range(7))
+    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE, BAND = (auto() for _ in range(6))
     # Forces on ring nodes and helix nodes.
     FA1, FA2, FA3, FB1, FB2, FB3, FS1, FS2, FS3, FD1, FD2, FD3, FE1, FE2, FE3 = (auto() for _ in range(15))
     FP1, FP2, FP3, FH1, FH2, FH3, FN1, FN2, FN3 = (auto() for _ in range(9))

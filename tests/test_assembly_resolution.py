@@ -66,14 +66,6 @@ def test_connections_have_the_same_limit_per_length(rings):
     assert torques[0] == pytest.approx(torques[1], rel=0.01)
 
 
-def test_published_rings_hold_the_helices_at_their_contact():
-    fibre = WHOLE.oblique.radius[0, ::2]
-    reach = ARM.ring_radius + fibre
-    path = np.linalg.norm(WHOLE.oblique.points[0, ::2, ::2], axis=1)
-    gap, chord = np.hypot(reach, ARM.ring_radius) - reach, path * (1 - np.cos(np.pi / 20))
-    np.testing.assert_allclose(ring_connections(ARM, WHOLE).oblique_sag, np.minimum(gap, chord), rtol=1e-9)
-
-
 def test_helices_touch_bundles_by_their_law():
     plant = AssemblyPlant(rings=72)
     rods, geometry = plant.rods, plant.geometry
@@ -104,8 +96,7 @@ def test_helices_touch_bundles_by_their_law():
                 reach = thick + fibre[j, h + dh]
                 if dh:
                     # From the nearest of the fibres, which lie side by side over the width of the bundle.
-                    between = between - np.clip(between @ axis, -2.5 * thick, 2.5 * thick) * axis
-                    reach -= constants.oblique_sag[i]
+                    between = between - np.clip(between @ axis, -1.5 * thick, 1.5 * thick) * axis
                 distance = np.linalg.norm(between)
                 overlap = max(reach - distance, 0.0)
                 touched += overlap > 0 and dh != 0
@@ -125,8 +116,8 @@ def twisting(rings, duration):
 
 
 def test_a_coarse_arm_twists_like_the_published_one():
-    coarse, fine = twisting(72, 0.3), twisting(None, 0.3)
-    assert coarse[0] == pytest.approx(fine[0], rel=0.04)
+    coarse, fine = twisting(108, 0.3), twisting(None, 0.3)
+    assert coarse[0] == pytest.approx(fine[0], rel=0.03)
     assert 0.2 - coarse[1] == pytest.approx(0.2 - fine[1], rel=0.1)
 
 
