@@ -5,13 +5,16 @@ which compile or load compiled code, are not timed. Absolute times depend on the
 """
 
 import time
+from importlib import metadata
+from itertools import product
 
 import numpy as np
 
+from octoctrl.benchmarking import Table
 from octoctrl.sim.rod import Rod, RodSimulation
 
 LENGTH, RADIUS, DENSITY, YOUNG = 0.2, 0.006, 1050.0, 1e5
-STEPS, DT, WARM = 10_000, 1e-5, 10
+STEPS, TURN, DT, WARM = 10_000, 1000, 1e-5, 10
 TIP_FORCE = np.array([3e-3, 0.0, 6e-3])
 
 
@@ -22,7 +25,8 @@ def motion(elements):
     return velocities, np.stack([np.full(elements, 0.3), np.sin(6 * k), 5 * np.cos(3 * k)], axis=1)
 
 
-def run_theirs(elements, clamped):
+def theirs(elements, clamped):
+    """A rod of PyElastica as (step, positions): `step` takes so many steps."""
     import elastica
 
     class System(elastica.BaseSystemCollection, elastica.Constraints, elastica.Forcing):
@@ -42,15 +46,17 @@ def run_theirs(elements, clamped):
         rod.velocity_collection[:], rod.omega_collection[:] = velocities.T, spins.T
     system.finalize()
     stepper, now = elastica.PositionVerlet(), 0.0
-    for _ in range(WARM):
-        now = stepper.step(system, now, DT)
-    begin = time.perf_counter()
-    for _ in range(STEPS - WARM):
-        now = stepper.step(system, now, DT)
-    return rod.position_collection.T, (time.perf_counter() - begin) / (STEPS - WARM)
+
+    def step(count):
+        nonlocal now
+        for _ in range(count):
+            now = stepper.step(system, now, DT)
+
+    return step, lambda: rod.position_collection.T
 
 
-def run_ours(elements, clamped):
+def ours(elements, clamped):
+    """The same rod of octoctrl as (step, positions)."""
     rod = Rod.straight(
         length=LENGTH, radius=RADIUS, elements=elements, density=DENSITY, youngs_modulus=YOUNG, shear_modulus=YOUNG / 1.5,
         support="element" if clamped else "free",
@@ -60,24 +66,33 @@ def run_ours(elements, clamped):
         sim.load(tip_force=TIP_FORCE)
     else:
         sim.velocities, sim.spins = motion(elements)
-    sim.advance(WARM * DT)
-    begin = time.perf_counter()
-    sim.advance((STEPS - WARM) * DT)
-    return sim.points, (time.perf_counter() - begin) / (STEPS - WARM)
+    return lambda count: sim.advance(count * DT), lambda: sim.points
 
 
-def main():
-    print(f"{'rod':>8} {'n':>4} {'PyElastica us/step':>19} {'octoctrl us/step':>17} {'ns/element':>11} {'ratio':>6} {'difference / L':>15}")
-    for clamped in (False, True):
-        for elements in (50, 100, 200):
-            ours, spent = run_ours(elements, clamped)
-            theirs, theirs_spent = run_theirs(elements, clamped)
-            difference = np.abs(ours - theirs).max() / LENGTH
-            print(
-                f"{'clamped' if clamped else 'free':>8} {elements:4d} {theirs_spent * 1e6:19.1f} {spent * 1e6:17.2f} "
-                f"{spent / elements * 1e9:11.1f} {theirs_spent / spent:6.1f} {difference:15.1e}"
-            )
+def compare(full=True):
+    """Both kinds of rod, in turns of `TURN` steps, each at its fastest turn; as a `Table`."""
+    rows = []
+    for clamped, elements in product((False, True), (50, 100, 200, 1000) if full else (100,)):
+        rods = theirs(elements, clamped), ours(elements, clamped)
+        spent = [np.inf, np.inf]
+        for step, _ in rods:
+            step(WARM)
+        for _ in range(STEPS // TURN):
+            for index, (step, _) in enumerate(rods):
+                begin = time.process_time()
+                step(TURN)
+                spent[index] = min(spent[index], (time.process_time() - begin) / TURN)
+        difference = float(np.abs(rods[0][1]() - rods[1][1]()).max() / LENGTH)
+        label = "clamped" if clamped else "free"
+        rows.append((label, elements, 1e6 * spent[0], 1e6 * spent[1], 1e9 * spent[1] / elements, spent[0] / spent[1], difference))
+    return Table(
+        name="pyelastica", title=f"Elastic rod beside PyElastica {metadata.version('pyelastica')}", rows=tuple(rows),
+        columns=("rod", "elements", "PyElastica, us / step", "octoctrl, us / step", "ns per element and step", "ratio", "difference / L"),
+        formats=("", "d", ".1f", ".2f", ".1f", ".1f", ".1e"),
+        note=f"The same rod for {STEPS} steps in one process, in turns of {TURN} steps, the fastest of which counts: "
+        "`python benchmarks/rod_against_pyelastica.py`.",
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
-    main()
+    print(compare())

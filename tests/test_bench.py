@@ -67,7 +67,6 @@ def test_every_part_exists():
 
 def test_failures_stay_in_the_table():
     reference = Plant(Arm.octopus(elements=24), record_every=4).advance(BEND, 0.5)
-    length = 0.2
 
     def forced():
         plant = Plant(record_every=4)
@@ -78,7 +77,7 @@ def test_failures_stay_in_the_table():
     ends = {}
     for label, make in choices.items():
         made = (lambda: Plant(record_every=4)) if label == "well" else make
-        row = benchmark_precision._row("case", label, made, BEND, 0.5, reference, length, 1)
+        row = benchmark_precision._row("case", label, made, BEND, 0.5, reference, 1)
         assert len(row) == len(benchmark_precision.COLUMNS) == len(benchmark_precision.COLUMN_FORMATS)
         ends[label] = row[3]
     assert ends["well"] == "well"
@@ -88,9 +87,19 @@ def test_failures_stay_in_the_table():
 
 def test_errors_vanish_against_oneself_and_fall_with_the_elements():
     runs = [Plant(Arm.octopus(elements=n), dt=2e-4, record_every=4).advance(BEND, 1.0) for n in (16, 32, 96)]
-    assert max(benchmark_precision.errors(runs[2], runs[2], 0.2)) < 1e-12
-    coarse, finer = (benchmark_precision.errors(run, runs[2], 0.2) for run in runs[:2])
+    assert max(benchmark_precision.errors(runs[2], runs[2], Arm.octopus())) < 1e-12
+    coarse, finer = (benchmark_precision.errors(run, runs[2], Arm.octopus()) for run in runs[:2])
     assert all(one > two > 0 for one, two in zip(coarse[:3], finer[:3], strict=True))
+
+
+def test_whole_turns_count_only_out_of_the_plane():
+    flat = np.zeros((2, 5, 3))
+    flat[:, :, 0] = np.arange(5)
+    flat[1, :, 1] = np.arange(5) ** 2
+    spatial = flat.copy()
+    spatial[1, :, 2] = 0.1 * np.arange(5) ** 3
+    assert benchmark_precision.apart([0.0, 2.01], [0.0, 0.0], flat) == pytest.approx(0.01)
+    assert benchmark_precision.apart([0.0, 2.01], [0.0, 0.0], spatial) == pytest.approx(2.01)
 
 
 def test_pieces_of_a_timed_motion_are_the_motion():
