@@ -6,9 +6,13 @@ denominator gives inf or nan, which the divergence guard sees, and never an exce
 global lock, so that threads can simulate side by side.
 """
 
+import hashlib
 import logging
+from types import CodeType
 
 import numba
+import numpy as np
+from numba.core.caching import FunctionCache
 
 _log = logging.getLogger(__name__)
 
@@ -30,14 +34,71 @@ def kernel(function=None, **options):
 
     Notes
     -----
-    numba raises ``RuntimeError`` at decoration when neither the package folder nor the user's cache folder can be written
-    (read-only installs without a home folder); the kernel is then compiled in memory and a warning names the remedy.
+    Without a folder that can be written (read-only installs without a home folder) the kernel is compiled in memory, and a warning names
+    the remedy.
     """
     if function is None:
         return lambda inner: kernel(inner, **options)
     settings = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True} | options
+    compiled = numba.njit(**settings)(function)
     try:
-        return numba.njit(cache=True, **settings)(function)
+        compiled._cache = _Cache(function, settings)
     except RuntimeError as error:
         _log.warning("compiled code is not kept between runs (%s); set NUMBA_CACHE_DIR to a writable folder", error)
-        return numba.njit(**settings)(function)
+    return compiled
+
+
+class _Cache(FunctionCache):
+    """Code on disk, found again by what a function is made of.
+
+    numba's own key holds the functions of a closure under identities that are new in every process, so that a loop made of other kernels
+    would be compiled at every start; and it misses changes of functions in other files.
+    """
+
+    def __init__(self, function, settings):
+        super().__init__(function)
+        self._settings = repr(sorted((name, sorted(value) if isinstance(value, set) else value) for name, value in settings.items()))
+
+    def _index_key(self, sig, codegen):
+        return sig, codegen.magic_tuple(), (self._settings, fingerprint(self._py_func))
+
+
+def fingerprint(function):
+    """Digest of a function, of all functions that it calls, and of the constants that they use.
+
+    Parameters
+    ----------
+    function : callable
+
+    Returns
+    -------
+    str
+        The same in every process, another one if any of that changes.
+    """
+    return _digest(function, {})
+
+
+def _digest(value, known):
+    function = getattr(value, "py_func", value)
+    if not hasattr(function, "__code__"):
+        return _constant(value)
+    if function not in known:
+        known[function] = "itself"  # for a function that calls itself
+        code, names = function.__code__, function.__globals__
+        used = [cell.cell_contents for cell in function.__closure__ or ()]
+        used += [names[name] for name in code.co_names if name in names]
+        parts = [code.co_code.hex(), str(code.co_names), *map(_constant, code.co_consts), *(_digest(item, known) for item in used)]
+        known[function] = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    return known[function]
+
+
+def _constant(value):
+    if isinstance(value, CodeType):
+        return value.co_code.hex() + "".join(map(_constant, value.co_consts))
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}{value.shape}{value.tobytes().hex()}"
+    if isinstance(value, tuple):
+        return f"({','.join(_digest(item, {}) for item in value)})"
+    if isinstance(value, bool | int | float | complex | str | bytes | np.generic | None):
+        return repr(value)
+    return f"{type(value).__module__}.{getattr(value, '__qualname__', getattr(value, '__name__', type(value).__qualname__))}"

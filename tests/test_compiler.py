@@ -1,0 +1,105 @@
+"""Compiled code is found again by the next process, and not when anything that it is made of has changed."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from octoctrl.sim.compiler import fingerprint, kernel
+
+INNER = """
+from octoctrl.sim.compiler import kernel
+
+FACTOR = {factor}
+
+
+@kernel
+def scale(x):
+    return FACTOR * x
+"""
+
+OUTER = """
+from inner import scale
+
+from octoctrl.sim.compiler import kernel
+
+
+def loop(count):
+    @kernel
+    def shifted(x):
+        return scale(x) + count
+
+    @kernel
+    def total(x):
+        result = 0.0
+        for _ in range(count):
+            result += shifted(x)
+        return result
+
+    return total
+
+
+total = loop(3)
+print(total(1.0), sum(total.stats.cache_hits.values()), sum(total.stats.cache_misses.values()))
+"""
+
+
+def start(folder, factor=2.0):
+    """Value, hits and misses of the loop in a process of its own."""
+    text = INNER.format(factor=factor)
+    if not (folder / "inner.py").is_file() or (folder / "inner.py").read_text() != text:
+        (folder / "inner.py").write_text(text)
+    (folder / "outer.py").touch() if (folder / "outer.py").is_file() else (folder / "outer.py").write_text(OUTER)
+    os.utime(folder / "outer.py", (1, 1))
+    places = os.pathsep.join([str(folder), *filter(None, sys.path)])
+    environment = dict(os.environ, PYTHONPATH=places, NUMBA_CACHE_DIR=str(folder / "cache"), PYTHONDONTWRITEBYTECODE="1")
+    done = subprocess.run([sys.executable, "outer.py"], cwd=folder, env=environment, capture_output=True, text=True, check=True)
+    return tuple(float(word) for word in done.stdout.split())
+
+
+def test_a_loop_made_of_kernels_is_compiled_once(tmp_path):
+    assert start(tmp_path) == (15.0, 0, 1)
+    before = sorted(path.name for path in (tmp_path / "cache").rglob("*.nb?"))
+    assert start(tmp_path) == (15.0, 1, 0)
+    assert sorted(path.name for path in (tmp_path / "cache").rglob("*.nb?")) == before
+
+
+def test_a_change_in_another_file_is_seen(tmp_path):
+    assert start(tmp_path)[0] == 15.0
+    assert start(tmp_path, factor=10.0) == (39.0, 0, 1)
+
+
+def made(shift, factor=2.0):
+    def inner(x):
+        return factor * x
+
+    called = kernel(inner)
+
+    def outer(x):
+        return called(x) + shift
+
+    return outer
+
+
+def test_fingerprint_depends_on_closure_and_on_called_functions():
+    assert fingerprint(made(1)) == fingerprint(made(1))
+    assert len({fingerprint(made(1)), fingerprint(made(2)), fingerprint(made(1, factor=3.0)), fingerprint(made(np.uint64(1)))}) == 4
+
+
+def test_fingerprint_of_a_function_that_calls_itself():
+    def fall(n):
+        return 0 if n == 0 else fall(n - 1)
+
+    assert fingerprint(fall) == fingerprint(fall)
+
+
+@pytest.mark.parametrize("options", [{}, {"fastmath": False}])
+def test_options_belong_to_the_key(options):
+    def double(x):
+        return 2 * x
+
+    compiled = kernel(**options)(double)
+    assert compiled(2.0) == 4.0
+    assert ("contract" in compiled._cache._settings) == (not options)
