@@ -200,9 +200,15 @@ class Arm:
         Section
         """
         outline = 1 - (1 - 1 / self.taper) * np.asarray(arclength, dtype=float) / self.length
-        touching = sin(pi / 8) / (1 - sin(pi / 8))
-        cord = self.base_radius * sqrt(self.straight_fraction / (1 + 8 * touching**2))
-        return Section(arm=self, cord_radius=cord * outline, muscle_radius=touching * cord * outline, outline=outline)
+        cord, muscle = touching_radii(self)
+        return Section(arm=self, cord_radius=cord * outline, muscle_radius=muscle * outline, outline=outline)
+
+    @property
+    def anatomy(self):
+        """How the rods of the full arm are counted, joined, held and damped, as an `Anatomy`."""
+        from .anatomy import OCTOPUS
+
+        return OCTOPUS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -293,6 +299,13 @@ class Section:
         """Shear stiffness 4/3 G A of everything that runs along the arm, N: cord, longitudinal and oblique fibres, but not the rings."""
         cord, muscle, _, oblique = self.areas
         return 4 / 3 * self.arm.shear_modulus * (cord + 8 * muscle + 2 * oblique * self.oblique_stretch)
+
+
+def touching_radii(arm, muscles=8):
+    """Radii (m) of the cord and of `muscles` longitudinal muscles around it, which touch it and each other, at the base."""
+    touching = sin(pi / muscles) / (1 - sin(pi / muscles))
+    cord = arm.base_radius * sqrt(arm.straight_fraction / (1 + muscles * touching**2))
+    return cord, touching * cord
 
 
 def oblique_angle(arm, arclength):

@@ -9,10 +9,11 @@ from math import ceil, tau
 
 import numpy as np
 
+from .anatomy import PLAIN
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .assembly_diagnosis import cause
-from .assembly_geometry import assembly_geometry, octopus_grid, thin_ring_limit
+from .assembly_geometry import assembly_geometry, assembly_grid, octopus_grid, thin_ring_limit
 from .assembly_layout import AssemblyRow, SpokeRow
 from .errors import OctoctrlError, PlantUnstableError, check_number
 from .plant import BUILDING, Observation, Plant
@@ -29,10 +30,18 @@ TONE_RAMP = 0.01
 
 
 @cache
-def _compiled(grid, inclination, published=False):
+def _compiled(grid, inclination, published=False, traits=PLAIN):
     from .assembly_stepping import assembly_stepper
 
-    return assembly_stepper(grid, inclination, published)
+    return assembly_stepper(grid, inclination, published, traits)
+
+
+def _at_spokes(levels, spokes):
+    """Levels (T, spokes, n) of that many longitudinal muscles, linear in azimuth between those of the eight groups (T, 8, n)."""
+    groups = len(LONGITUDINAL_GROUPS)
+    before, share = np.divmod(np.arange(spokes) * groups, spokes)
+    share = share[:, None] / spokes
+    return (1 - share) * levels[:, before] + share * levels[:, (before + 1) % groups]
 
 
 class AssemblyPlant(Plant):
@@ -46,10 +55,11 @@ class AssemblyPlant(Plant):
         Resolution: the same arm with fewer or more rings than the published 180, each a bundle or a part of those, which costs as much less
         or more as it has elements (72, 108, 144, 360, ...; see docs/assembly.md for what each changes).
     dt : float or "auto", s
-        Largest time step; ``"auto"`` is `DEFAULT_SHARE` of the limit of the thinnest rings.
-    resting_tone : float
-        Smallest activation of the nerve cord, the longitudinal and the transverse muscles, as in the source. Within 2.5 % of rest no
-        passive stress resists, so that even 0.001 keeps the rings round and sets how much the arm shortens when it is twisted.
+        Largest time step; ``"auto"`` is `DEFAULT_SHARE` of the limit of the thinnest rings, or the arm's own.
+    resting_tone : float or None
+        Smallest activation of the nerve cord, the longitudinal and the transverse muscles; None takes the arm's, for the octopus 0.001 in
+        both numerics. Within 2.5 % of rest no passive stress resists, so that even this keeps the rings round and sets how much the arm
+        shortens when it is twisted.
     paper_compatible : bool
         Integrate as published (Tekinalp et al. 2024): muscle force along d3, explicit force-velocity law, velocity filter, at 1e-5 s.
         Only for comparison: the motion depends on the step and active oblique rods buckle in shear.
@@ -69,7 +79,7 @@ class AssemblyPlant(Plant):
         *,
         rings=None,
         dt="auto",
-        resting_tone=0.001,
+        resting_tone=None,
         paper_compatible=False,
         sample_interval=5e-3,
         record_every=2,
@@ -77,24 +87,29 @@ class AssemblyPlant(Plant):
         self.arm = Arm.octopus() if arm is None else arm
         self.scene = Scene() if scene is None else scene
         check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
+        anatomy = self.arm.anatomy
+        if resting_tone is None:
+            resting_tone = anatomy.published_tone if paper_compatible else anatomy.resting_tone
         check_number("resting_tone", resting_tone, at_least=0.0, at_most=1.0)
         self.resting_tone, self.paper_compatible = resting_tone, paper_compatible
         self.sample_interval, self.record_every = sample_interval, record_every
-        self.grid = octopus_grid(self.arm, rings)
+        self.grid = assembly_grid(self.arm, rings)
         if paper_compatible and self.grid.bundle != 1:
             raise OctoctrlError(
                 f"rings={rings}: paper_compatible is the published arm of {octopus_grid(self.arm).rings} rings; leave rings out"
             )
         self.geometry = assembly_geometry(self.arm, self.grid)
         limit, thinnest = thin_ring_limit(self.arm, self.geometry)
-        usual, allowed = (round(share * limit, 6) for share in (DEFAULT_SHARE, LARGEST_SHARE))
-        largest = dt if dt != "auto" else PUBLISHED_STEP if paper_compatible else usual
+        usual, allowed = (anatomy.step or round(share * limit, 6) for share in (DEFAULT_SHARE, LARGEST_SHARE))
+        largest = dt if dt != "auto" else (anatomy.published_step or PUBLISHED_STEP) if paper_compatible else usual
         check_number("dt", largest, above=0.0, at_most=allowed, unit="s", advice="use dt='auto'")
         self.elements = self.grid.rings
         self._ring_radius = np.linalg.norm(self.geometry.rings.points[..., ::2], axis=2).mean(axis=1)
         self.edges = np.linspace(0.0, self.arm.length, self.elements + 1)
         self.stations = np.concatenate([[0.0], (self.edges[1:] + self.edges[:-1]) / 2, [self.arm.length]])
-        self.limit = StepLimit(step=allowed, mechanism="thin rings", element=thinnest)
+        self.limit = StepLimit(
+            step=allowed, mechanism="thin rings" if anatomy.step is None else "contacts of straight rods", element=thinnest
+        )
         self.steps = max(1, ceil(sample_interval / largest - 1e-9))
         self.h = sample_interval / self.steps
         self.rods = new_assembly(self.geometry)
@@ -180,11 +195,11 @@ class AssemblyPlant(Plant):
         since = (self.samples + np.arange(samples + 1)) * self.sample_interval
         tone = self.resting_tone * np.minimum(since / TONE_RAMP, 1.0)
         longitudinal[:, 0] = tone[:, None]
-        longitudinal[:, 1:] = np.maximum(levels[:, : len(LONGITUDINAL_GROUPS)], tone[:, None, None])
+        longitudinal[:, 1:] = np.maximum(_at_spokes(levels[:, : len(LONGITUDINAL_GROUPS)], self.grid.spokes), tone[:, None, None])
         transverse = np.maximum(levels[:, MUSCLE_GROUPS.index("TM")], tone[:, None])
         good = rods.state()
         with BUILDING:
-            step, _ = _compiled(self.grid, self.geometry.inclination, self.paper_compatible)
+            step, _ = _compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits)
         if self.paper_compatible:
             set_filter_masks(rods)
         arguments = (

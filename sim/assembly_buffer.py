@@ -171,10 +171,13 @@ def fill_parameters(buffer, arm, geometry, h, water, published=False):
 
     The `published` numerics raise no inertia, soften no contact and take the linear drag elsewhere.
     """
-    rates = (0.0, 0.0, 0.0) if water is None or published else (0.0, water.factor * water.oblique_rate, water.factor * water.ring_rate)
+    anatomy = arm.anatomy
+    wet = (0.0, 0.0) if water is None or published else (water.factor * water.oblique_rate, water.factor * water.ring_rate)
+    rates = anatomy.straight_rate, anatomy.oblique_rate + wet[0], wet[1]
+    held = not anatomy.traits.sliding
     soften = 0.0 if published else h
-    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], soften)
-    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], soften)
+    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], soften, len(geometry.straight.radius) if held else 1)
+    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], soften, len(geometry.oblique.radius) if held else 0)
     rows = buffer.open_rods
     ghosts = rows[R.JOINT_LENGTH] == 0
     rows[R.JOINT_LENGTH, ghosts] = 1.0
@@ -182,7 +185,11 @@ def fill_parameters(buffer, arm, geometry, h, water, published=False):
     ghosts = rows[R.LENGTH] == 0
     rows[R.LENGTH, ghosts], rows[R.REST_RADIUS, ghosts] = apart[ghosts], 1e-3
     rows[R.STRETCH] = buffer.rings[R.STRETCH] = 1.0
-    _fill_rings(buffer, arm, geometry.rings, h, rates[2], soften)
+    _fill_rings(buffer, arm, geometry.rings, h, rates[2], soften, 1 if held else 0)
+    if anatomy.traits.graded:
+        strength, pace = arm.ring_grades(geometry.grid.rings)
+        _set_ring(buffer, R.STRENGTH, strength[:, None])
+        _set_ring(buffer, R.PACE, pace[:, None])
     _fill_connections(buffer, arm, geometry, soften)
 
 
@@ -197,7 +204,8 @@ def _inertia(stiff, family, h):
     return bending, twisting
 
 
-def _fill_open(buffer, arm, family, view, h, rate, floor):
+def _fill_open(buffer, arm, family, view, h, rate, floor, held):
+    """The first nodes of so many rods are `held`, and all rods' first elements."""
     stiff, length = stiffness(arm, family), family.length
     bending, twisting = _inertia(stiff, family, floor)
     for row, values in (
@@ -217,19 +225,23 @@ def _fill_open(buffer, arm, family, view, h, rate, floor):
     for component in range(3):
         view(R.REST1 + component)[:, 1:] = turn[..., component] / (both / 2)
     decay, weight = _damped(np.full(family.node_mass.shape, rate), h)
-    decay[:, 0] = weight[:, 0] = 0.0
+    decay[:held, 0] = weight[:held, 0] = 0.0
     view(R.NODE_DECAY, True)[:], view(R.NODE_MOBILITY, True)[:] = decay, weight / family.node_mass
     _set_spin(view, family, bending, twisting, rate, h, np.s_[:, 0])
 
 
 def _set_spin(view, family, bending, twisting, rate, h, held):
     for inertia, decay_row, mobility_row in ((bending, R.BEND_DECAY, R.BEND_MOBILITY), (twisting, R.TWIST_DECAY, R.TWIST_MOBILITY)):
-        decay, weight = _damped(rate * family.element_mass * SPIN_ARM**2 / inertia, h)
+        mass = family.element_mass
+        if family.tip_mass is not None:
+            mass[:, -1] += family.tip_mass
+        decay, weight = _damped(rate * mass * SPIN_ARM**2 / inertia, h)
         decay[held] = weight[held] = 0.0
         view(decay_row)[:], view(mobility_row)[:] = decay, weight / inertia
 
 
-def _fill_rings(buffer, arm, family, h, rate, floor):
+def _fill_rings(buffer, arm, family, h, rate, floor, held):
+    """The first so many rings are `held`."""
     stiff, length = stiffness(arm, family), family.length
     bending, twisting = _inertia(stiff, family, floor)
     joint = (length + np.roll(length, 1, axis=1)) / 2
@@ -249,11 +261,11 @@ def _fill_rings(buffer, arm, family, h, rate, floor):
     for component in range(3):
         _set_ring(buffer, R.REST1 + component, turn[..., component])
     decay, weight = _damped(np.full(length.shape, rate), h)
-    decay[0] = weight[0] = 0.0
+    decay[:held] = weight[:held] = 0.0
     _set_ring(buffer, R.NODE_DECAY, decay, ghost=0.0)
     _set_ring(buffer, R.NODE_MOBILITY, weight / family.node_mass, ghost=0.0)
 
-    _set_spin(buffer.ring, family, bending, twisting, rate, h, 0)
+    _set_spin(buffer.ring, family, bending, twisting, rate, h, np.s_[:held])
 
 
 def _fill_connections(buffer, arm, geometry, h):
@@ -271,6 +283,7 @@ def _fill_connections(buffer, arm, geometry, h):
     buffer.spoke(S.R_SPRING)[:] = ring.muscle_spring
     buffer.spoke(S.R_TORQUE)[:] = ring.muscle_torque
     buffer.spoke(S.R_CONTACT)[:] = ring.muscle_contact
+    buffer.spoke(S.R_REPULSION)[:] = ring.muscle_repulsion
     buffer.spoke(S.R_NEXT)[:, :-1] = ring.ring_spring
     buffer.spoke(S.R_EFFECTIVE)[:] = (0.75 * h * h * ring.muscle_contact * (1 / ring_mass + 1 / muscle_mass)) ** 2
     helix_mass = geometry.oblique.node_mass[:, :: grid.helix_nodes]

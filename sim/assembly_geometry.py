@@ -16,10 +16,11 @@ those of the authors' published model.
 """
 
 from dataclasses import dataclass
-from math import atan, cos, pi, sin, sqrt, tau
+from math import atan, cos, pi, sin, tau
 
 import numpy as np
 
+from .arm import touching_radii
 from .assembly_layout import LARGEST_COUNT, AssemblyGrid
 from .errors import OctoctrlError
 
@@ -45,6 +46,10 @@ class RodFamily:
     closed : bool
     fibres : float
         Fibres of that radius side by side in one rod: a bundle, not a thick rod.
+    stiffening : float
+        Factor on bending and twist stiffness.
+    tip_mass : (R,) float64, kg
+        Carried by the last nodes.
     """
 
     points: np.ndarray
@@ -53,6 +58,8 @@ class RodFamily:
     density: np.ndarray
     closed: bool = False
     fibres: float = 1.0
+    stiffening: float = 1.0
+    tip_mass: np.ndarray | None = None
 
     @property
     def edges(self):
@@ -83,11 +90,14 @@ class RodFamily:
 
     @property
     def node_mass(self):
-        """Masses (R, nodes), kg: half of either element; in a closed rod one element each."""
+        """Masses (R, nodes), kg: half of either element, and what the tip carries; in a closed rod one element each."""
         mass = self.element_mass
         if self.closed:
             return mass
-        return np.concatenate([mass[:, :1], mass[:, 1:] + mass[:, :-1], mass[:, -1:]], axis=1) / 2
+        nodes = np.concatenate([mass[:, :1], mass[:, 1:] + mass[:, :-1], mass[:, -1:]], axis=1) / 2
+        if self.tip_mass is not None:
+            nodes[:, -1] += self.tip_mass
+        return nodes
 
     @property
     def second_moment(self):
@@ -157,6 +167,22 @@ def octopus_grid(arm, rings=None):
     return AssemblyGrid(rings=rings, ring_nodes=PUBLISHED_NODES * rings // published, bundle=published / rings)
 
 
+def assembly_grid(arm, rings=None):
+    """The grid of the arm's anatomy, or else that of an octopus arm.
+
+    Raises
+    ------
+    OctoctrlError
+        As `octopus_grid`, or if the anatomy has another number of `rings`.
+    """
+    fixed = arm.anatomy.grid
+    if fixed is None:
+        return octopus_grid(arm, rings)
+    if rings not in (None, fixed.rings):
+        raise OctoctrlError(f"rings={rings!r}: arm '{arm.name}' is built of {fixed.rings} rings only; leave rings out")
+    return fixed
+
+
 def assembly_geometry(arm, grid=None):
     """Build the rods of `arm` on `grid`, by default on the published one.
 
@@ -165,7 +191,7 @@ def assembly_geometry(arm, grid=None):
     OctoctrlError
         If ring thickness or pitch of the helices do not fit the grid of rings and ring nodes.
     """
-    grid = octopus_grid(arm) if grid is None else grid
+    grid = assembly_grid(arm) if grid is None else grid
     spacing = arm.length / grid.rings
     turn = grid.ring_nodes * spacing / arm.oblique_pitch
     step = round(turn)
@@ -175,7 +201,7 @@ def assembly_geometry(arm, grid=None):
             f"(1/{grid.ring_nodes} turn) per ring; the nearest pitch is {grid.ring_nodes * spacing / max(step, 1):.6g} m"
         )
     outline = _outline(arm, grid)
-    cord, muscle = _touching_radii(arm, grid.spokes)
+    cord, muscle = touching_radii(arm, grid.spokes)
     straight, inclination = _straight_rods(arm, grid, cord, muscle, outline)
     layer = straight.radius[0] + 2 * straight.radius[1] + arm.ring_radius
     heights = straight.centres[0, :, 1]
@@ -200,13 +226,6 @@ def _outline(arm, grid):
     return np.linspace(1.0 - inside, 1 / arm.taper + inside, grid.rings)
 
 
-def _touching_radii(arm, spokes):
-    """Radii of the cord and of the muscles around it, which touch it and each other, at the base."""
-    touching = sin(pi / spokes) / (1 - sin(pi / spokes))
-    cord = arm.base_radius * sqrt(arm.straight_fraction / (1 + spokes * touching**2))
-    return cord, touching * cord
-
-
 def _straight_rods(arm, grid, cord, muscle, outline):
     count, rods = grid.rings, grid.straight_rods
     offset = cord + muscle
@@ -227,7 +246,16 @@ def _straight_rods(arm, grid, cord, muscle, outline):
     radius[0] = cord * outline
     radius[1:] = np.linalg.norm(centres[1:] - centres[0], axis=2) - radius[0]
     density = np.array([arm.densities[0]] + grid.spokes * [arm.densities[1]])
-    return RodFamily(points=points, frames=frames, radius=radius, density=density), inclination
+    anatomy = arm.anatomy
+    family = RodFamily(
+        points=points,
+        frames=frames,
+        radius=radius,
+        density=density,
+        stiffening=anatomy.straight_stiffening,
+        tip_mass=anatomy.tip_mass * radius[:, -1] ** 2 / np.sum(radius[:, -1] ** 2),
+    )
+    return family, inclination
 
 
 def _rings(arm, grid, heights, layer):
@@ -295,8 +323,8 @@ def stiffness(arm, family):
     moment = family.second_moment
     return Stiffness(
         shear=SHEAR_COEFFICIENT * arm.shear_modulus * family.area,
-        bend=arm.youngs_modulus * moment,
-        twist=2 * arm.shear_modulus * moment,
+        bend=family.stiffening * arm.youngs_modulus * moment,
+        twist=family.stiffening * 2 * arm.shear_modulus * moment,
         inertia=family.density[:, None] * family.length * moment,
     )
 
@@ -334,14 +362,18 @@ def straight_connections(arm, geometry):
     unit = between / distance[..., None]
     radius1, radius2 = rods.radius[first], rods.radius[second]
     stiff = radius1 * radius2 / (radius1 + radius2) ** 2 * geometry.spacing * arm.youngs_modulus
+    spring, contact = STRAIGHT_SPRING * stiff, STRAIGHT_CONTACT * stiff * ROOT_MILLIMETRE
+    uniform = arm.anatomy.connections
+    if uniform is not None:
+        spring, contact = np.full(stiff.shape, uniform.straight_spring), np.full(stiff.shape, uniform.straight_contact)
     return StraightConnections(
         first=first,
         second=second,
         direction1=np.einsum("pnij,pnj->pni", rods.frames[first], unit),
         direction2=np.einsum("pnij,pnj->pni", rods.frames[second], -unit),
         gap=distance - radius1 - radius2,
-        spring=STRAIGHT_SPRING * stiff,
-        contact=STRAIGHT_CONTACT * stiff * ROOT_MILLIMETRE,
+        spring=spring,
+        contact=contact,
     )
 
 
@@ -360,6 +392,8 @@ class RingConnections:
     muscle_torque : (N,) float64, N/m
         Orientation lock of the same joint.
     muscle_contact : (N,) float64, N/m^1.5
+    muscle_repulsion : (N,) float64, N/m
+        Per relative overlap, in the place of the contact.
     ring_spring : (N - 1,) float64, N/m
         Ring i to ring i + 1, at each spoke.
     oblique_spring : (N,) float64, N/m
@@ -369,6 +403,7 @@ class RingConnections:
     muscle_spring: np.ndarray
     muscle_torque: np.ndarray
     muscle_contact: np.ndarray
+    muscle_repulsion: np.ndarray
     ring_spring: np.ndarray
     oblique_spring: np.ndarray
     oblique_contact: np.ndarray
@@ -376,6 +411,17 @@ class RingConnections:
 
 def ring_connections(arm, geometry):
     """Constants of all connections that involve a ring."""
+    uniform, count = arm.anatomy.connections, geometry.grid.rings
+    if uniform is not None:
+        return RingConnections(
+            muscle_spring=np.full(count, uniform.muscle_spring),
+            muscle_torque=np.full(count, uniform.muscle_torque),
+            muscle_contact=np.zeros(count),
+            muscle_repulsion=np.full(count, uniform.muscle_repulsion),
+            ring_spring=np.full(count - 1, uniform.ring_spring),
+            oblique_spring=np.full(count, uniform.oblique_spring),
+            oblique_contact=np.zeros(count),
+        )
     thick, modulus = arm.ring_radius, arm.youngs_modulus
     element = geometry.rings.length[:, 0]
     perimeter = geometry.rings.length.sum(axis=1)
@@ -386,6 +432,7 @@ def ring_connections(arm, geometry):
         muscle_spring=muscle,
         muscle_torque=perimeter / 2 * modulus * RING_MUSCLE_TORQUE / bundle,
         muscle_contact=RING_MUSCLE_CONTACT * muscle * ROOT_MILLIMETRE,
+        muscle_repulsion=np.zeros(count),
         ring_spring=2 * thick * element[1:] * geometry.grid.spoke_pitch * modulus / geometry.spacing * RING_RING_SPRING,
         oblique_spring=oblique,
         oblique_contact=RING_OBLIQUE_CONTACT * oblique * ROOT_MILLIMETRE,

@@ -48,7 +48,7 @@ def family_offsets(grid, rings):
     return {row.name: np.uint64(start + row * stride) for row in AssemblyRow}
 
 
-def family_kernels(grid, rings):
+def family_kernels(grid, rings, graded=False):
     """Compile the kernels of one family of rods.
 
     Parameters
@@ -56,6 +56,8 @@ def family_kernels(grid, rings):
     grid : AssemblyGrid
     rings : bool
         Whether the family is the rings, or the open rods.
+    graded : bool
+        Whether its elements differ in strength and pace (rows of that name).
 
     Returns
     -------
@@ -74,6 +76,7 @@ def family_kernels(grid, rings):
         o[k] for k in ("LENGTH", "SHEAR", "AREA", "REST_RADIUS", "STRETCH", "RATE", "RADIUS")
     )
     JOINT_LENGTH, BEND, TWIST, LEVEL_BEFORE, LEVEL_AFTER = (o[k] for k in ("JOINT_LENGTH", "BEND", "TWIST", "LEVEL_BEFORE", "LEVEL_AFTER"))
+    STRENGTH, PACE = o["STRENGTH"], o["PACE"]
     NODE_DECAY, NODE_MOBILITY, BEND_DECAY, TWIST_DECAY = (o[k] for k in ("NODE_DECAY", "NODE_MOBILITY", "BEND_DECAY", "TWIST_DECAY"))
     BEND_MOBILITY, TWIST_MOBILITY, BEND_INERTIA, TWIST_INERTIA = (
         o[k] for k in ("BEND_MOBILITY", "TWIST_MOBILITY", "BEND_INERTIA", "TWIST_INERTIA")
@@ -121,9 +124,10 @@ def family_kernels(grid, rings):
             u1, u2, u3 = b[V1 + q] - b[V1 + k], b[V2 + q] - b[V2 + k], b[V3 + q] - b[V3 + k]
             rate = (t1 * u1 + t2 * u2 + t3 * u3) / rest
             level = b[LEVEL_BEFORE + k] + share * (b[LEVEL_AFTER + k] - b[LEVEL_BEFORE + k])
-            isometric = level * isometric_stress(law, stretch)
-            viscosity = isometric * hill_secant(law, rate)
-            stress = passive_stress(law, stretch) + isometric + viscosity * rate
+            strength, pace = (b[STRENGTH + k], b[PACE + k]) if graded else (1.0, 1.0)
+            isometric = strength * level * isometric_stress(law, stretch)
+            viscosity = pace * isometric * hill_secant(law, pace * rate)
+            stress = (strength if stretch > 1.0 else 1.0) * passive_stress(law, stretch) + isometric + viscosity * rate
             area = b[AREA + k]
             b[YIELD + k] = length / (area * (viscosity + elastic * passive_tangent(law, stretch)) + 1e-30)
             m1 = b[Q11 + k] * t1 + b[Q12 + k] * t2 + b[Q13 + k] * t3

@@ -116,7 +116,7 @@ class AssemblyRow(_Row):
     # Parameters: rest length, shear stiffness, rest radius, area; joint length, bend and twist stiffness, rest curvature.
     LENGTH, SHEAR, REST_RADIUS, AREA, JOINT_LENGTH, BEND, TWIST, REST1, REST2, REST3 = (auto() for _ in range(10))
     NODE_DECAY, NODE_MOBILITY, BEND_DECAY, TWIST_DECAY, BEND_MOBILITY, TWIST_MOBILITY = (auto() for _ in range(6))
-    BEND_INERTIA, TWIST_INERTIA, LEVEL_BEFORE, LEVEL_AFTER = (auto() for _ in range(4))
+    BEND_INERTIA, TWIST_INERTIA, LEVEL_BEFORE, LEVEL_AFTER, STRENGTH, PACE = (auto() for _ in range(6))
     # Scratch: F and C collect the forces on nodes and the couples on elements of the connections.
     STRETCH, RATE, RADIUS, T1, T2, T3, N1, N2, N3, TORQUE1, TORQUE2, TORQUE3 = (auto() for _ in range(12))
     MPLUS1, MPLUS2, MPLUS3, MMINUS1, MMINUS2, MMINUS3 = (auto() for _ in range(6))
@@ -136,7 +136,7 @@ class SpokeRow(_Row):
     # Parameters: cord to muscle (C_), muscle to its neighbour (N_), ring joints (R_).
     CU11, CU12, CU13, CU21, CU22, CU23, C_GAP, C_SPRING, C_CONTACT = (auto() for _ in range(9))
     NU11, NU12, NU13, NU21, NU22, NU23, N_GAP, N_SPRING, N_CONTACT = (auto() for _ in range(9))
-    R_SPRING, R_TORQUE, R_CONTACT, R_NEXT, R_MASS, R_EFFECTIVE = (auto() for _ in range(6))
+    R_SPRING, R_TORQUE, R_CONTACT, R_NEXT, R_REPULSION, R_EFFECTIVE = (auto() for _ in range(6))
     # Results: on the muscle (F force on the element, T couple, SUM and G pressure bookkeeping), on the first muscle's neighbour (_N),
     # on the cord (_C), on the ring node and element (_R), on the next ring's node (_X). Directions of the joint.
     F1, F2, F3, T1, T2, T3, SUM, G1, G2, G3 = (auto() for _ in range(10))

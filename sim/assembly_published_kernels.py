@@ -10,7 +10,7 @@ import numpy as np
 
 from .assembly_kernels import family_offsets
 from .compiler import kernel
-from .muscle_kernels import isometric_stress, passive_stress
+from .muscle_kernels import horner, isometric_stress, passive_stress
 
 ONE = np.uint64(1)
 SPIN_ARM = 1e-3
@@ -26,9 +26,25 @@ def published_factor(law, rate):
     return shortening if w > 0.0 else lengthening
 
 
-def published_strain(grid, rings):
-    """Compile ``strain(buffer, first, last, share, elastic, law)`` of one family; `elastic` is not used."""
+ROUNDING = 1e-12
+"""Strain below which nothing is stretched: the source rounds, and so stays at rest where the bare law pushes as soon as it may."""
+
+
+@kernel
+def bare_passive_stress(law, s):
+    """Passive stress with the polynomial as it stands: that of the squid's rings pushes until 2.6 % above rest."""
+    tension = horner(law.passive, min(s, law.high)) + law.high_slope * max(s - law.high, 0.0)
+    return tension if s > 1.0 + law.slack + ROUNDING else law.compression * min(s - 1.0 + law.slack, 0.0)
+
+
+def published_strain(grid, rings, graded=False, bare=False):
+    """Compile ``strain(buffer, first, last, share, elastic, law)`` of one family; `elastic` is not used.
+
+    Elements may be `graded` in strength and pace, and their passive stress may be the `bare` polynomial.
+    """
     o = family_offsets(grid, rings)
+    passive = bare_passive_stress if bare else passive_stress
+    STRENGTH, PACE = o["STRENGTH"], o["PACE"]
     step = np.uint64(grid.lanes if rings else 1)
     X1, X2, X3, V1, V2, V3 = (o[name] for name in ("X1", "X2", "X3", "V1", "V2", "V3"))
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
@@ -56,7 +72,9 @@ def published_strain(grid, rings):
             m3 = b[Q31 + k] * t1 + b[Q32 + k] * t2 + b[Q33 + k] * t3
             level = b[LEVEL_BEFORE + k] + share * (b[LEVEL_AFTER + k] - b[LEVEL_BEFORE + k])
             s = stretch * m3
-            n3 = b[AREA + k] * (level * isometric_stress(law, s) * published_factor(law, rate) + passive_stress(law, s))
+            strength, pace = (b[STRENGTH + k], b[PACE + k]) if graded else (1.0, 1.0)
+            active = strength * level * isometric_stress(law, s) * published_factor(law, pace * rate)
+            n3 = b[AREA + k] * (active + (strength if s > 1.0 else 1.0) * passive(law, s))
             n1, n2 = b[SHEAR + k] * stretch * m1, b[SHEAR + k] * stretch * m2
             b[STRETCH + k], b[RADIUS + k] = stretch, b[REST_RADIUS + k] * np.sqrt(unstretch)
             b[T1 + k], b[T2 + k], b[T3 + k] = t1, t2, t3
@@ -73,8 +91,8 @@ def published_strain(grid, rings):
     return strain
 
 
-def velocity_filters(grid):
-    """Compile ``smooth(buffer, first, last)``, the filter of all velocities and spins of the open rods (up to `last`) and the rings.
+def velocity_filters(grid, rings=True):
+    """Compile ``smooth(buffer, first, last)``, the filter of velocities and spins of the open rods (up to `last`) and the `rings`.
 
     Rows YIELD and RATE of the open rods hold one at inner nodes and inner elements, zero elsewhere.
     """
@@ -108,6 +126,8 @@ def velocity_filters(grid):
                 once(b, B, A, mask, first, last)
             for k in range(first, last):
                 b[u + k] -= b[A + k]
+            if not rings:
+                continue
             u = ring_rows[row]
             for i in range(L):
                 b[u + i], b[u + end + L + i] = b[u + end + i], b[u + L + i]

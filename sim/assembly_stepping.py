@@ -7,10 +7,12 @@ bad one.
 
 import numpy as np
 
+from .anatomy import PLAIN
 from .assembly_crossing_kernels import crossing_kernels
 from .assembly_joint_kernels import gather_kernel, joint_kernels, scatter_kernels
 from .assembly_kernels import cord_brake, family_kernels, family_offsets, open_solver, ring_solver, ring_spin_brake
 from .assembly_published_kernels import published_drag, published_strain, velocity_filters
+from .assembly_trait_kernels import even_repulsion, sliding_base
 from .compiler import kernel
 
 ONE = np.uint64(1)
@@ -28,7 +30,7 @@ SPEED_LIMIT = 10.0
 """Fastest velocity component (m/s) that can be meant: the strike of a squid, the fastest of its kind, reaches 3 m/s."""
 
 
-def assembly_stepper(grid, inclination, published=False):
+def assembly_stepper(grid, inclination, published=False, traits=PLAIN):
     """Compile the loop of an assembly.
 
     Parameters
@@ -38,6 +40,8 @@ def assembly_stepper(grid, inclination, published=False):
         Of the longitudinal muscles.
     published : bool
         Whether to take the published numerics, see `octoctrl.sim.assembly_published_kernels`.
+    traits : Traits
+        Of the anatomy.
 
     Returns
     -------
@@ -50,14 +54,16 @@ def assembly_stepper(grid, inclination, published=False):
         Pieces of one step, for tests and timing; ``(buffer, ...)``.
     """
     o, g = family_offsets(grid, False), family_offsets(grid, True)
-    rods, rings = family_kernels(grid, False), family_kernels(grid, True)
+    rods, rings = family_kernels(grid, False), family_kernels(grid, True, traits.graded)
     drift, strain, bend, kick, spin, axial, correct = (rods[k] for k in ("drift", "strain", "bend", "kick", "spin", "axial", "correct"))
     ring_drift, ring_strain, ring_bend, ring_kick, ring_spin, ring_axial, ring_correct = (
         rings[k] for k in ("drift", "strain", "bend", "kick", "spin", "axial", "correct")
     )
     if published:
-        strain, ring_strain = published_strain(grid, False), published_strain(grid, True)
-    smooth, brake = velocity_filters(grid), published_drag(grid)
+        strain = published_strain(grid, False, bare=traits.bare)
+        ring_strain = published_strain(grid, True, traits.graded, traits.bare)
+    smooth, brake = velocity_filters(grid, not traits.bare), published_drag(grid)
+    repel, slide, even, sliding = even_repulsion(grid), sliding_base(grid), traits.even, traits.sliding
     solve, steady, hold = open_solver(grid), ring_spin_brake(grid), cord_brake(grid)
     ring_solve, close_state, close_strain, close_moment, close_speed = ring_solver(grid)
     gather = gather_kernel(grid)
@@ -95,8 +101,11 @@ def assembly_stepper(grid, inclination, published=False):
         cord(b)
         neighbours(b)
         ring_muscle(b)
+        if even:
+            repel(b)
         ring_ring(b)
-        beside(b)
+        if not even:
+            beside(b)
         scatter(b, drag[0], drag[1])
 
     @kernel
@@ -197,12 +206,16 @@ def assembly_stepper(grid, inclination, published=False):
                     brake(b, drag[2], drag[3])
                 spokes(b, drag)
                 push(b)
+                if sliding:
+                    slide(b)
                 if published:
                     smooth(b, first, last)
                 else:
                     steady(b, 1 - np.exp(-RING_SPIN_RATE * h))
                     hold(b, 1 - np.exp(-CORD_SLIP_RATE * h), ONE + ONE, n + ONE + ONE)
                     relax(b)
+                    if sliding:
+                        slide(b)
                 move(b, h if step + 1 < steps else 0.5 * h)
                 if watch:
                     finding, family, where = guard(b)
@@ -242,6 +255,8 @@ def assembly_stepper(grid, inclination, published=False):
         "ring_kick": ring_kick,
         "ring_spin": ring_spin,
         "cord_brake": hold,
+        "repel": repel,
+        "slide": slide,
         "drift": drift,
         "ring_drift": ring_drift,
     }

@@ -71,7 +71,8 @@ def law_constants(law, passive_factor=1.0):
 
 
 @kernel
-def _horner(c, x):
+def horner(c, x):
+    """A polynomial of degree 8 with coefficients `c`, highest power first."""
     total = c[0] * x + c[1]
     total = total * x + c[2]
     total = total * x + c[3]
@@ -86,7 +87,7 @@ def _horner(c, x):
 def passive_stress(law, s):
     """Passive stress; twin of `MuscleLaw.passive_stress`."""
     inside = min(max(s, 1.0), law.high)
-    curve = max(_horner(law.passive, inside) + law.high_slope * max(s - law.high, 0.0), 0.0)
+    curve = max(horner(law.passive, inside) + law.high_slope * max(s - law.high, 0.0), 0.0)
     tension = curve if s > 1.0 + law.slack else 0.0
     return tension + law.compression * min(s - 1.0 + law.slack, 0.0)
 
@@ -94,7 +95,7 @@ def passive_stress(law, s):
 @kernel
 def isometric_stress(law, s):
     """Active stress per activation at rest; twin of `MuscleLaw.active_factor`."""
-    return law.stress * max(_horner(law.active, min(max(s, law.low), law.high)), 0.0)
+    return law.stress * max(horner(law.active, min(max(s, law.low), law.high)), 0.0)
 
 
 @kernel

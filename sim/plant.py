@@ -13,6 +13,7 @@ from time import perf_counter
 import numpy as np
 
 from .activation import Activation
+from .anatomy import OCTOPUS
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, azimuth
 from .errors import OctoctrlError, PlantUnstableError, check_choice, check_number
 from .recording import Recording
@@ -106,6 +107,8 @@ class Plant:
         self.arm = Arm.octopus() if arm is None else arm
         self.scene = Scene() if scene is None else scene
         check_choice("model", model, MODELS)
+        if self.arm.anatomy is not OCTOPUS:
+            raise OctoctrlError(f"arm '{self.arm.name}' is not built as an octopus arm, as the one-rod plant is; use AssemblyPlant")
         self.model = model
         check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
         self.sample_interval = sample_interval
