@@ -40,6 +40,10 @@ def kernel(function=None, **options):
     if function is None:
         return lambda inner: kernel(inner, **options)
     settings = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True} | options
+    if function.__closure__ is not None:
+        # Machine code of variants that were compiled in different processes could otherwise bear one name, and a process that loads both
+        # would run one for the other: numba tells them apart by counting.
+        function.__qualname__ += f"_{fingerprint(function)[:12]}"
     compiled = numba.njit(**settings)(function)
     try:
         compiled._cache = _Cache(function, settings)
