@@ -177,7 +177,7 @@ def summary(outcomes):
         "stopped": len(stopped),
         "stopped_at_quarter_step_too": sum(bool(outcome.again) for outcome in stopped),
         "stops_without_a_place": sum(
-            not all(key in outcome.stop for key in ("time", "rod", "element", "mechanism")) for outcome in stopped
+            any(outcome.stop.get(key) is None for key in ("time", "rod", "element", "mechanism")) for outcome in stopped
         ),
         "compared_with_half_the_step": len(errors),
         "median_error": errors[len(errors) // 2] if errors else None,

@@ -136,8 +136,8 @@ def passive_energy(plant):
 
 
 def _density(law, stretch):
-    """Passive energy per rest volume at `stretch`, J/m^3."""
+    """Passive energy per rest volume at `stretch`, J/m^3: a fibre's tension is A sigma(s) / s, see `octoctrl.sim.muscle_kernels`."""
     grid = np.linspace(0.2, 3.0, 5601)
-    stress = law.passive_stress(grid)
+    stress = law.passive_stress(grid) / grid
     integral = np.concatenate([[0.0], np.cumsum((stress[1:] + stress[:-1]) / 2 * np.diff(grid))])
     return np.interp(stretch, grid, integral - np.interp(1.0, grid, integral))

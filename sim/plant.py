@@ -37,6 +37,9 @@ CHUNK = 100
 _LIMITS = {}
 """Step limits at rest by arm and scene: many plants of a study are alike."""
 
+FINER = (1, 2, 4)
+"""Parts of the step at which ``dt="auto"`` tries a chunk before it stops: strongly driven tips now and then outrun the step at rest."""
+
 MOST_STEPS = 100_000
 """Steps per sample: more would hold up progress and Ctrl-C for minutes."""
 
@@ -96,6 +99,10 @@ class Plant:
         Predicted largest stable step at rest, and what would grow above it.
     h : float, s
         Time step in use.
+    automatic : bool
+        Whether `dt` was ``"auto"``. A chunk that stops is then tried again at a half and at a quarter of the step before the run stops.
+    retried : int
+        How often that happened.
 
     Raises
     ------
@@ -128,6 +135,7 @@ class Plant:
                 f"at most {MOST_STEPS} are done - use fewer elements or softer tissue"
             )
         self._prepare(sample_interval / self.steps)
+        self.automatic, self.retried = dt == "auto", 0
 
     def _limit_at_rest(self):
         key = self.arm, self.scene
@@ -136,7 +144,11 @@ class Plant:
         return _LIMITS[key]
 
     def set_steps(self, steps):
-        """Take `steps` steps in each sample, stable or not: for studies of stability."""
+        """Take `steps` steps in each sample, stable or not, and try no others: for studies of stability."""
+        self.automatic = False
+        self._divide(steps)
+
+    def _divide(self, steps):
         self.steps = steps
         self._prepare(self.sample_interval / steps)
 
@@ -313,6 +325,22 @@ class Plant:
         return step(self.buffer, count, h, steps, levels, active, self._directions, self._scalars, points, frames, stretch)
 
     def _advance_samples(self, levels):
+        planned = self.steps
+        for finer in FINER if self.automatic else FINER[:1]:
+            try:
+                if finer > 1:
+                    self._divide(planned * finer)
+                    self.retried += 1
+                return self._attempt(levels)
+            except PlantUnstableError as error:
+                stopped = error
+            finally:
+                if finer > 1:
+                    self._divide(planned)
+        raise stopped
+
+    def _attempt(self, levels):
+        """Move on through all instants of `levels`, or stop and stay."""
         good = self.rows[:STATE_ROWS].copy()
         *motion, finding, element = self._move(levels, self.steps)
         if finding:

@@ -6,7 +6,7 @@ import pytest
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import PlantUnstableError
-from octoctrl.sim.plant import Plant
+from octoctrl.sim.plant import FINER, Plant
 from octoctrl.sim.rod import Rod, RodSimulation
 from octoctrl.sim.rod_diagnosis import FEWEST, alternation, substeps
 from octoctrl.sim.rod_layout import Row
@@ -61,8 +61,7 @@ def test_motion_beyond_the_resolution_is_told_from_an_unstable_step():
     assert coarse.value.element == 7 and "to and fro" not in coarse.value.mechanism
     Plant(Arm.octopus(elements=64, grading=1.0)).advance(pull, 2.0)
     plant = Plant()
-    plant.h *= 3
-    plant._fill_damping()
+    plant.set_steps(plant.steps // 2)
     with pytest.raises(PlantUnstableError, match=r"unstable at t=.* to and fro from step to step \(dt=.*predicted limit.* halve dt"):
         plant.advance(pull, 2.0)
 
@@ -74,7 +73,23 @@ def test_the_stop_is_timed_to_the_step_and_later_samples_are_dropped():
         plant.advance(pull, 2.0)
     stop, last = caught.value.time, caught.value.recording.time[-1]
     assert last < stop <= last + plant.sample_interval + 1e-9
-    assert (stop - last) / plant.h == pytest.approx(round((stop - last) / plant.h), abs=1e-6)
+    steps = (stop - last) / (plant.h / FINER[-1])
+    assert steps == pytest.approx(round(steps), abs=1e-6) and plant.retried == 2
+
+
+def test_a_chunk_that_outruns_its_step_is_tried_again_at_finer_ones():
+    pull = Activation(templates=(Plateau(groups=("LM1",), level=0.5, rise=0.2, onset=0.3),))
+    plant = Plant()
+    coarse = plant.steps // 2
+    plant.steps, plant.automatic = coarse, True
+    plant._divide(coarse)
+    recording = plant.advance(pull, 1.0)
+    assert recording.complete and plant.retried > 0 and plant.steps == coarse and plant.h == plant.sample_interval / coarse
+    assert np.linalg.norm(recording.tip[-1] - Plant().advance(pull, 1.0).tip[-1]) < 2e-3
+    with pytest.raises(PlantUnstableError):
+        given = Plant()
+        given.set_steps(coarse)
+        given.advance(pull, 1.0)
 
 
 def test_alternation_is_one_for_a_zigzag_and_nothing_for_uniform_motion():

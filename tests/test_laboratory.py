@@ -1,0 +1,234 @@
+"""The stability laboratory: trials can be repeated, checks can fail, studies go on where they stopped, what it found stays mended."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from octoctrl import laboratory, laboratory_checks, laboratory_page, laboratory_verdicts
+from octoctrl.cli import main
+from octoctrl.laboratory_endurance import long_run
+from octoctrl.laboratory_trials import ASSEMBLY_KINDS, KINDS, draw
+from octoctrl.laboratory_verdicts import Outcome, Verdict, perform
+from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
+from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.plant import Plant
+from octoctrl.sim.rod_layout import Row
+from octoctrl.sim.topology import measure
+
+PULL = Activation(templates=(Plateau(groups=("LM1", "R-OM"), level=0.3, rise=0.1),))
+
+
+@pytest.fixture(scope="module")
+def moved():
+    plant = Plant(Arm.octopus(elements=24))
+    return plant, plant.advance(PULL, 0.5)
+
+
+# Trials
+
+
+@settings(max_examples=60, deadline=None)
+@given(kind=st.sampled_from([*KINDS, *ASSEMBLY_KINDS]), number=st.integers(0, 10**6), seed=st.integers(0, 99))
+def test_a_trial_is_drawn_alike_again_and_differs_from_the_next(kind, number, seed):
+    # Compared as texts: an absurd value may be no number, which equals nothing.
+    assert str(draw(kind, seed, number)) == str(draw(kind, seed, number))
+    if kind != "full arm, full step":
+        assert str(replace(draw(kind, seed, number), number=0)) != str(replace(draw(kind, seed, number + 1), number=0))
+
+
+@settings(max_examples=12, deadline=None)
+@given(kind=st.sampled_from([name for name in KINDS if name not in ("tiny tip", "settling")]), number=st.integers(0, 10**6))
+def test_no_trial_fails_undetected(kind, number):
+    outcome = perform(draw(kind, 1, number))
+    assert not outcome.undetected, outcome
+    assert (outcome.stop is not None) == (outcome.verdict in ("LIMIT", "UNSTABLE"))
+    assert bool(outcome.reason) == (outcome.verdict not in ("ACCURATE", "FINISHED"))
+    if outcome.stop:
+        assert set(outcome.stop) == {"time", "rod", "element", "mechanism"} and 0 < outcome.stop["time"] <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "number"),
+    [("gentle", 66), ("gentle", 247), ("stretched", 13), ("waves", 21), ("all groups", 163)],
+    ids=["flutter of a slender tip", "another", "trembling after release", "fast spin", "faster spin"],
+)
+def test_what_was_found_stays_mended(kind, number):
+    outcome = perform(draw(kind, 0, number))
+    assert outcome.verdict not in ("UNDETECTED", "UNSTABLE"), outcome
+
+
+def test_huge_steps_are_refused_beforehand_with_the_limit():
+    for number in range(4):
+        outcome = perform(draw("huge step", 0, number))
+        assert outcome.verdict == "REFUSED" and "exceeds the" in outcome.reason and not outcome.automatic
+
+
+def test_tips_of_a_fifth_of_a_millimetre_are_what_they_say():
+    for number in range(6):
+        assert np.diff(Arm(**draw("tiny tip", 0, number).arm).edges)[-1] == pytest.approx(2e-4, rel=0.06)
+
+
+# Checks: each passes on a sensible run and fails on a doctored one
+
+
+def test_sensible_motion_passes_all_checks(moved):
+    plant, recording = moved
+    for check in (laboratory_checks.finite, laboratory_checks.orthonormal, laboratory_checks.held, laboratory_checks.linked):
+        assert check(recording) is None
+    assert laboratory_checks.powered(recording, plant.arm, plant.node_mass) is None
+
+
+def test_checks_find_what_is_wrong(moved, monkeypatch):
+    plant, recording = moved
+    long = Plant(Arm.octopus(elements=24)).advance(PULL, 4.0)
+
+    def doctored(name, change):
+        value = getattr(recording, name).copy()
+        change(value)
+        return replace(recording, **{name: value})
+
+    def spoil(value):
+        value[3, 2] = np.nan
+
+    def tilt(value):
+        value[7, 5, 0] += 1e-8
+
+    def shift(value):
+        value[9] += 1e-6
+
+    def tear(value):
+        value[9:, -1] *= 1.5
+
+    assert "points holds" in laboratory_checks.finite(doctored("points", spoil))
+    assert "orthonormal only to" in laboratory_checks.orthonormal(doctored("frames", tilt))
+    assert "base has moved" in laboratory_checks.held(doctored("points", shift))
+    assert "kinetic energy" in laboratory_checks.powered(doctored("points", tear), plant.arm, 1e3 * plant.node_mass)
+    assert "does not slow down" in laboratory_checks.settled(replace(long, points=np.sin(30 * long.time)[:, None, None] * long.points))
+    assert laboratory_checks.settled(long) is None
+    trace = measure(recording.time, recording.points, recording.frames)
+    for lost, complains in ((0.4, True), (1.0, False), (0.1, False)):
+        monkeypatch.setattr(laboratory_checks, "measure", lambda *_, lost=lost: replace(trace, residual=trace.residual + lost))
+        assert (laboratory_checks.linked(recording) is not None) == complains
+    assert laboratory_checks.growth(np.array([2.0, 1.0, 0.5, 0.7, 0.1])) == pytest.approx(0.1)
+
+
+def test_passive_energy_is_the_work_of_stretching():
+    """Pulled along by hand, the arm stores the integral of its force; the section's law has no exact potential, the fibres have."""
+    plant = Plant(Arm.octopus(elements=16))
+    rest = laboratory_checks.passive_energy(plant)
+    assert rest == pytest.approx(0.0, abs=1e-15)
+    energies, forces, stretches = [], [], np.linspace(1.0, 1.2, 81)
+    for stretch in stretches:
+        plant.reset()
+        plant.rows[Row.X2, 1 : plant.elements + 2] = plant.edges * stretch
+        energies.append(laboratory_checks.passive_energy(plant))
+        plant._move(np.zeros((2, len(MUSCLE_GROUPS), plant.elements)), 1)
+        forces.append(plant.rows[Row.TENSION, 1 : plant.elements + 1] @ np.diff(plant.edges))
+    work = np.sum((np.array(forces[1:]) + forces[:-1]) / 2 * np.diff(stretches))
+    assert energies[-1] == pytest.approx(work, rel=2e-3)
+
+
+# Verdicts
+
+
+def test_motion_that_depends_on_the_step_is_not_called_accurate(monkeypatch):
+    run = laboratory_verdicts._Run
+    trial = replace(draw("gentle", 0, 0), arm={"elements": 24}, activation=PULL)
+    assert perform(trial).verdict == "ACCURATE"
+    monkeypatch.setattr(run, "_apart", lambda self, recording, plant: 0.5 if plant.h < self.plant.h else 1e-6)
+    assert perform(trial).verdict == "INACCURATE"
+    monkeypatch.setattr(run, "_apart", lambda self, recording, plant: 0.5)
+    assert perform(trial).verdict == "SENSITIVE"
+
+
+@pytest.mark.parametrize(("kind", "broken"), [("restart", "_restarted"), ("threads", "_threaded")])
+def test_other_bits_are_an_undetected_failure(monkeypatch, kind, broken):
+    trial = replace(draw(kind, 0, 0), arm={"elements": 16}, activation=PULL, number=1)
+    assert perform(trial).verdict == "FINISHED"
+    monkeypatch.setattr(laboratory_verdicts._Run, broken, lambda *_: False)
+    outcome = perform(trial)
+    assert outcome.undetected and "the same bits" in outcome.reason
+
+
+def test_an_accepted_huge_step_and_a_crash_are_undetected_failures(monkeypatch):
+    assert perform(replace(draw("huge step", 0, 0), arm={"elements": 16}, step=0.5)).undetected
+    monkeypatch.setattr(laboratory_verdicts._Run, "judged", lambda self: 1 / 0)
+    assert "ZeroDivisionError" in perform(draw("gentle", 0, 0)).reason
+
+
+# Studies
+
+
+def test_a_study_goes_on_where_it_was_cut_off(tmp_path):
+    whole, part = tmp_path / "whole.jsonl", tmp_path / "part.jsonl"
+    outcomes = laboratory.study(whole, 14, threads=2)
+    assert {outcome.kind for outcome in outcomes} == set(KINDS)
+    lines = whole.read_text().splitlines()
+    part.write_text("\n".join(lines[:6]) + "\n" + lines[6][:30])  # killed while it wrote
+    again = laboratory.study(part, 14, threads=1)
+    assert [replace(item, spent=0.0) for item in again] == [replace(item, spent=0.0) for item in outcomes]
+    assert len(laboratory.read(part)[1]) == len(outcomes)
+    with pytest.raises(OctoctrlError, match="holds a study of plant rod with seed 0, not of rod with 3"):
+        laboratory.study(part, 14, seed=3)
+    (tmp_path / "other.jsonl").write_text("not ours")
+    with pytest.raises(OctoctrlError, match="does not hold outcomes"):
+        laboratory.study(tmp_path / "other.jsonl", 14)
+
+
+def test_every_kind_has_its_share_and_any_beginning_is_mixed():
+    planned = laboratory.schedule("rod", 1000)
+    assert len(planned) >= 1000 and len(set(planned)) == len(planned)
+    assert {kind for kind, _ in planned[:150]} == set(KINDS)
+
+
+def test_matrix_summary_and_page(tmp_path):
+    stop = {"time": 0.2, "rod": "arm", "element": 3, "mechanism": "is bent by more than 1.5 rad against its neighbour"}
+    outcomes = [
+        Outcome(kind="gentle", number=0, verdict="ACCURATE", error=0.002, simulated=1.0),
+        Outcome(kind="gentle", number=1, verdict="UNSTABLE", reason="stopped", again=False, stop=stop),
+        Outcome(kind="water", number=0, verdict="LIMIT", reason="stopped", again=True, stop=stop | {"rod": None}),
+        Outcome(kind="huge step", number=0, verdict="REFUSED", reason="too large", automatic=False),
+        Outcome(kind="waves", number=0, verdict="UNDETECTED", reason="why"),
+    ]
+    counts = laboratory.matrix(outcomes)
+    assert list(counts) == ["gentle", "waves", "huge step", "water"] and counts["gentle"]["UNSTABLE"] == 1
+    numbers = laboratory.summary(outcomes)
+    assert numbers["undetected"] == 1 and numbers["automatic_unstable"] == 1 and numbers["automatic_steps"] == 4
+    assert numbers["stopped"] == 2 and numbers["stopped_at_quarter_step_too"] == 1 and numbers["stops_without_a_place"] == 1
+    said = laboratory_page.text(outcomes)
+    assert "undetected failures: 1" in said and "4 runs, 1 of them unstable" in said
+    endurance = {"moving": 2e-6, "rest": 2e-6, "never": 2e-6, "smallest": 1e-7}
+    page = laboratory_page.page({"rod": outcomes}, (long_run(20_000), endurance), ["octoctrl stability"], "stability.png")
+    assert all(verdict.value in page for verdict in Verdict) and "2 times an element is bent" in page and "20,000 steps" in page
+    laboratory_page.draw(outcomes, tmp_path / "matrix.png")
+    assert (tmp_path / "matrix.png").stat().st_size > 5000
+
+
+def test_command_repeats_and_refuses(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["stability", "--repeat", "gentle:1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["kind"] == "gentle"
+    assert main(["stability", "-n", "14", "-q", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["summary"]["undetected"] == 0
+    assert (tmp_path / "stability-rod-0.jsonl").is_file()
+    for arguments, message in (
+        (["--repeat", "gentel:1"], "unknown kind 'gentel'; did you mean 'gentle'?"),
+        (["--repeat", "gentle"], "--repeat gentle: expected KIND:NUMBER, for example 'all groups:7'"),
+        (["--plant", "wood"], "unknown plant 'wood' (rod, assembly)"),
+    ):
+        assert main(["stability", *arguments]) == 2
+        assert message in capsys.readouterr().err
+
+
+# Long runs
+
+
+def test_a_million_steps_leave_energy_momentum_and_frames():
+    found = long_run(1_000_000)
+    assert found["energy"] < 0.02 and found["orthonormality"] < 1e-11
+    assert found["momentum"] < 1e-11 and found["angular_momentum"] < 1e-9
