@@ -8,7 +8,7 @@ global lock, so that threads can simulate side by side.
 
 import hashlib
 import logging
-from types import CodeType
+from types import CellType, CodeType
 
 import numba
 import numpy as np
@@ -67,6 +67,10 @@ class _Cache(FunctionCache):
         return sig, codegen.magic_tuple(), (self._settings, fingerprint(self._py_func))
 
 
+_EMPTY = CellType()
+"""What a function holds that is not yet defined: itself, while it is being decorated."""
+
+
 def fingerprint(function):
     """Digest of a function, of all functions that it calls, and of the constants that they use.
 
@@ -89,7 +93,7 @@ def _digest(value, known):
     if function not in known:
         known[function] = "itself"  # for a function that calls itself
         code, names = function.__code__, function.__globals__
-        used = [cell.cell_contents for cell in function.__closure__ or ()]
+        used = [cell.cell_contents for cell in function.__closure__ or () if cell != _EMPTY]
         used += [names[name] for name in code.co_names if name in names]
         parts = [code.co_code.hex(), str(code.co_names), *map(_constant, code.co_consts), *(_digest(item, known) for item in used)]
         known[function] = hashlib.sha256("\n".join(parts).encode()).hexdigest()

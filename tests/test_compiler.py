@@ -71,6 +71,46 @@ def test_a_change_in_another_file_is_seen(tmp_path):
     assert start(tmp_path, factor=10.0) == (39.0, 0, 1)
 
 
+VARIANTS = """
+import sys
+
+from octoctrl.sim.compiler import kernel
+
+
+def adder(shift):
+    @kernel
+    def inner(x, y):
+LINES
+        return x + shift
+
+    @kernel
+    def outer(x):
+        return 10 * inner(x, 0.0) + inner(0.0 * x, 0.0)
+
+    return outer
+
+
+print(*(adder(float(word))(1.0) for word in sys.argv[1:]))
+""".replace("LINES", "\n".join(f"        x = x + y * shift / (x + {number} + y)" for number in range(2, 302)))
+"""Two variants of a function that is too long to be merged into what calls it."""
+
+
+def test_variants_compiled_by_different_processes_do_not_take_each_others_place(tmp_path):
+    (tmp_path / "variants.py").write_text(VARIANTS)
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)), NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+
+    def run(*shifts):
+        done = subprocess.run(
+            [sys.executable, "variants.py", *shifts], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        return done.stdout.split()
+
+    # The second of the first process and the second of the second are numbered alike by numba.
+    assert run("9", "1") == ["109.0", "21.0"]
+    assert run("1", "2") == ["21.0", "32.0"]
+    assert run("2", "1", "9") == ["32.0", "21.0", "109.0"]
+
+
 def made(shift, factor=2.0):
     def inner(x):
         return factor * x
