@@ -37,8 +37,8 @@ CHUNK = 100
 _LIMITS = {}
 """Step limits at rest by arm and scene: many plants of a study are alike."""
 
-FINER = (1, 2, 4)
-"""Parts of the step at which ``dt="auto"`` tries a chunk before it stops: strongly driven tips now and then outrun the step at rest."""
+FINER = (2, 4)
+"""Parts of the step at which ``dt="auto"`` tries a sample again before it stops: driven tips now and then outrun the step at rest."""
 
 MOST_STEPS = 100_000
 """Steps per sample: more would hold up progress and Ctrl-C for minutes."""
@@ -100,9 +100,9 @@ class Plant:
     h : float, s
         Time step in use.
     automatic : bool
-        Whether `dt` was ``"auto"``. A chunk that stops is then tried again at a half and at a quarter of the step before the run stops.
+        Whether `dt` was ``"auto"``. A sample in which the run would stop is then tried again at a half and at a quarter of the step.
     retried : int
-        How often that happened.
+        How often that helped.
 
     Raises
     ------
@@ -325,35 +325,52 @@ class Plant:
         return step(self.buffer, count, h, steps, levels, active, self._directions, self._scalars, points, frames, stretch)
 
     def _advance_samples(self, levels):
-        planned = self.steps
-        for finer in FINER if self.automatic else FINER[:1]:
-            try:
-                if finer > 1:
-                    self._divide(planned * finer)
-                    self.retried += 1
-                return self._attempt(levels)
-            except PlantUnstableError as error:
-                stopped = error
-            finally:
-                if finer > 1:
-                    self._divide(planned)
-        raise stopped
+        good, first, pieces = self.rows[:STATE_ROWS].copy(), self.samples, []
+        while self.samples - first < len(levels) - 1:
+            before, rest = self.rows[:STATE_ROWS].copy(), levels[self.samples - first :]
+            *motion, finding, element = self._move(rest, self.steps)
+            done = len(motion[0])
+            pieces.append(self._piece(self.samples, *motion, rest))
+            if not finding:
+                self.samples += done
+                break
+            self._return(before, rest[: done + 1])
+            finer = self._finer(self.samples + done, rest[done : done + 2]) if self.automatic else None
+            if finer is None:
+                stop = self._second_look(rest, done, before, finding, element)
+                self.rows[:STATE_ROWS], self.samples = good, first
+                kept = Recording.joined(pieces)
+                raise PlantUnstableError(
+                    stop.message(self.h, self.limit),
+                    time=stop.time,
+                    element=stop.element,
+                    mechanism=stop.mechanism,
+                    recording=kept.until(stop.time - 0.5 * self.h),
+                )
+            self.samples += done + 1
+            pieces.append(finer)
+        return Recording.joined(pieces)
 
-    def _attempt(self, levels):
-        """Move on through all instants of `levels`, or stop and stay."""
-        good = self.rows[:STATE_ROWS].copy()
-        *motion, finding, element = self._move(levels, self.steps)
-        if finding:
-            stop = self._second_look(levels, len(motion[0]), good, finding, element)
-            self.rows[:STATE_ROWS] = good
-            before = ceil(stop.time / self.sample_interval - 1e-9) - 1 - self.samples
-            piece = self._piece(self.samples, *(part[: max(0, before)] for part in motion), levels)
-            raise PlantUnstableError(
-                stop.message(self.h, self.limit), time=stop.time, element=stop.element, mechanism=stop.mechanism, recording=piece
-            )
-        piece = self._piece(self.samples, *motion, levels)
-        self.samples += len(levels) - 1
-        return piece
+    def _return(self, before, levels):
+        """Go to the last instant of `levels` from the state `before` at their first, with the same bits."""
+        self.rows[:STATE_ROWS] = before
+        if len(levels) > 1:
+            self._move(levels, self.steps)
+
+    def _finer(self, index, levels):
+        """The sample that stopped, at a half or a quarter of the step, as a piece of the recording; None if it stops there too."""
+        before, planned = self.rows[:STATE_ROWS].copy(), self.steps
+        try:
+            for part in FINER:
+                self._divide(planned * part)
+                *motion, finding, _ = self._move(levels, self.steps)
+                if not finding:
+                    self.retried += 1
+                    return self._piece(index, *motion, levels)
+                self.rows[:STATE_ROWS] = before
+        finally:
+            self._divide(planned)
+        return None
 
     def _move(self, levels, steps):
         """Take `steps` steps between instants of `levels`; returns points, frames and stretch up to a stop, what it is, and the element."""

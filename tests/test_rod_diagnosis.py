@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from octoctrl.laboratory_trials import draw
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import PlantUnstableError
-from octoctrl.sim.plant import FINER, Plant
+from octoctrl.sim.plant import Plant
 from octoctrl.sim.rod import Rod, RodSimulation
 from octoctrl.sim.rod_diagnosis import FEWEST, alternation, substeps
 from octoctrl.sim.rod_layout import Row
@@ -73,23 +74,20 @@ def test_the_stop_is_timed_to_the_step_and_later_samples_are_dropped():
         plant.advance(pull, 2.0)
     stop, last = caught.value.time, caught.value.recording.time[-1]
     assert last < stop <= last + plant.sample_interval + 1e-9
-    steps = (stop - last) / (plant.h / FINER[-1])
-    assert steps == pytest.approx(round(steps), abs=1e-6) and plant.retried == 2
+    assert (stop - last) / plant.h == pytest.approx(round((stop - last) / plant.h), abs=1e-6)
 
 
-def test_a_chunk_that_outruns_its_step_is_tried_again_at_finer_ones():
-    pull = Activation(templates=(Plateau(groups=("LM1",), level=0.5, rise=0.2, onset=0.3),))
-    plant = Plant()
-    coarse = plant.steps // 2
-    plant.steps, plant.automatic = coarse, True
-    plant._divide(coarse)
-    recording = plant.advance(pull, 1.0)
-    assert recording.complete and plant.retried > 0 and plant.steps == coarse and plant.h == plant.sample_interval / coarse
-    assert np.linalg.norm(recording.tip[-1] - Plant().advance(pull, 1.0).tip[-1]) < 2e-3
+def test_a_sample_that_outruns_its_step_is_tried_again_at_finer_ones():
+    trial = draw("waves", 0, 21)
+    plant, cut = Plant(Arm(**trial.arm)), Plant(Arm(**trial.arm))
+    recording = plant.advance(trial.activation, 0.5)
+    assert recording.complete and plant.retried > 0 and plant.h == plant.sample_interval / plant.steps
+    for _ in range(20):
+        piece = cut.advance(trial.activation, 0.025)
+    assert cut.retried == plant.retried and np.array_equal(piece.points[-1], recording.points[-1])
+    given = Plant(Arm(**trial.arm), dt=plant.h)
     with pytest.raises(PlantUnstableError):
-        given = Plant()
-        given.set_steps(coarse)
-        given.advance(pull, 1.0)
+        given.advance(trial.activation, 0.5)
 
 
 def test_alternation_is_one_for_a_zigzag_and_nothing_for_uniform_motion():
