@@ -234,7 +234,8 @@ class _Run:
                 if checkpoint is not None and (now := perf_counter()) > due:
                     checkpoint(self._result(ExecutionStatus.INTERRUPTED, "still running", now - begin))
                     # A long recording takes its time to be measured: a tenth of the run's at most.
-                    due = perf_counter() + max(1.0, 9 * (perf_counter() - now))
+                    after = perf_counter()
+                    due = after + max(1.0, 9 * (after - now))
         except KeyboardInterrupt:
             status, note = ExecutionStatus.INTERRUPTED, f"interrupted at t={plant.time:.2f} s"
         except PlantUnstableError as error:
