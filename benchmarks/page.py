@@ -10,12 +10,16 @@ from pathlib import Path
 from octoctrl import benchmarking
 from octoctrl.console import RichProgress
 
+LEFT_OUT = ("stability",)
+"""Parts with a page of their own: docs/stability.md."""
+
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 
 
 def main():
     full = "quick" not in sys.argv[1:]
-    tables = benchmarking.run(full=full, progress=RichProgress())
+    parts = [name for name in benchmarking.PARTS if name not in (LEFT_OUT if full else (*LEFT_OUT, "assembly"))]
+    tables = benchmarking.run(parts, full=full, progress=RichProgress())
     if find_spec("elastica"):
         import rod_against_pyelastica
 

@@ -21,8 +21,11 @@ plant.advance(Activation(), plant.sample_interval)
 REPORT = """
 import json, resource
 spent = resource.getrusage(resource.RUSAGE_SELF)
-unit = 1024 if __import__("sys").platform.startswith("linux") else 1
-print(json.dumps([spent.ru_utime + spent.ru_stime, spent.ru_maxrss * unit / 1e6]))
+try:  # Linux counts the parent's memory at the fork into ru_maxrss
+    peak = next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM")) / 1e3
+except OSError:
+    peak = spent.ru_maxrss / 1e6
+print(json.dumps([spent.ru_utime + spent.ru_stime, peak]))
 """
 
 
@@ -71,7 +74,7 @@ def startup(*, full=False):
     rows.append(("octoctrl --help", *child("from octoctrl.cli import main; main(['--help'])"), None))
     models = {"rod arm": ("plant", "Plant", (30.0, 3.0))}
     if full:
-        models["arm of 197 rods"] = ("assembly", "AssemblyPlant", (90.0, None))
+        models["arm of 197 rods"] = ("assembly", "AssemblyPlant", (90.0, 3.0))
     for name, (module, plant, limits) in models.items():
         code = FIRST_STEP.format(module=module, plant=plant)
         with tempfile.TemporaryDirectory() as cache:

@@ -142,6 +142,7 @@ def rod_families():
         )  # fmt: skip
         # Stiff fibres along the axis: in a homogeneous rod sections turn at least as fast as they stretch.
         sim.rows[Row.AXIAL] *= fibres
+        sim.limit = sim.step_limit()
         sim.load(**load)
         if load:
             sim.dt = 0.3 * sim.limit.step

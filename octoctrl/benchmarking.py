@@ -152,7 +152,9 @@ def page_text(tables, command):
     -------
     str
     """
-    described = ", ".join(f"{key} {value}" if key not in ("processor", "system") else value for key, value in machine().items())
+    found = machine()
+    described = f"{found.pop('processor')}, {found.pop('cores')} cores, {found.pop('system')}, "
+    described += ", ".join(f"{name} {version}" for name, version in found.items())
     head = [
         "# Benchmarks",
         f"Made by `{command}` on: {described}.",

@@ -12,7 +12,7 @@ from octoctrl import __version__
 from octoctrl.sim.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError
 
-TIP = (0.0010228713, 0.1969279920, 0.0)
+TIP = (0.0010519501, 0.1969863938, 0.0)
 """Where the default arm's tip stands after 0.1 s of LM1 at 0.3, m: x towards LM1, y along the arm."""
 TIP_TOLERANCE = 1e-8
 """Rounding differs between processors; nothing else does."""
