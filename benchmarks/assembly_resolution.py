@@ -1,10 +1,10 @@
-"""The full arm with fewer and with more rings: what another resolution costs and what it changes.
+"""The full arm with coarse and with finer rings: what another resolution costs and what it changes.
 
 Run with ``python benchmarks/assembly_resolution.py`` (half a minute) for the first 0.6 s of the published coil programme, with ``fine`` for
 360 rings besides (a minute more), or with ``full`` for the whole programme of 7 s at oblique level 0.17 (two minutes). Prints processor
-time per simulated second, and twist, lifted writhe, their sum (link, without its jumps where the arm crosses itself) and shortening
-against the published 180 rings and against 360: greatest and root-mean-square difference, in turns or mm and in percent of the
-reference's greatest value.
+time per simulated second, and link, lifted writhe, twist and shortening against the published 180 rings of 40 nodes: greatest and
+root-mean-square difference, in turns or mm and in percent of the greatest value. Link is the sum of lifted writhe and twist, without its
+jumps where the arm crosses itself.
 """
 
 import sys
@@ -17,13 +17,15 @@ from octoctrl.sim.assembly import AssemblyPlant
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.topology import measure
 
-COARSE, PUBLISHED, FINE = (72, 108, 144), 180, 360
+BUILDS = {"180 x  8": {"ring_nodes": 8}, "180 x 16": {"ring_nodes": 16}, "180 x 24": {"ring_nodes": 24}, "180 x 40": {}}
+PUBLISHED = "180 x 40"
+FINE = {"360 x 80": {"rings": 360}}
 TRACES = ("Lk", "Wr", "Tw", "shortening")
 
 
-def run(rings, oblique, duration):
+def run(options, oblique, duration):
     """The plant, its `TRACES` (4, T) in turns and mm, and processor seconds per simulated second."""
-    plant, activation = AssemblyPlant(rings=rings), programme(oblique)
+    plant, activation = AssemblyPlant(**options), programme(oblique)
     # The first call compiles.
     pieces = [plant.advance(activation, 0.01)]
     begin = time.process_time()
@@ -50,22 +52,21 @@ def compare(found, reference):
 
 def main(words):
     oblique, duration = (0.17, 7.0) if "full" in words else (0.3, 0.6)
-    counts = (*COARSE, PUBLISHED, FINE) if "fine" in words else (*COARSE, PUBLISHED)
+    builds = BUILDS | (FINE if "fine" in words else {})
     runs = {}
     print(f"oblique level {oblique}, {duration} s")
-    print("rings  elements  step us  processor s per simulated s      Lk      Wr      Tw  shortening mm")
-    for rings in counts:
+    print("rings x nodes  elements  step us  processor s per simulated s      Lk      Wr      Tw  shortening mm")
+    for name, options in builds.items():
         try:
-            runs[rings] = plant, traces, cost = run(rings, oblique, duration)
+            runs[name] = plant, traces, cost = run(options, oblique, duration)
         except PlantUnstableError as error:
-            print(f"{rings:5d}  {error}")
+            print(f"{name:13s}  {error}")
             continue
         end = " ".join(f"{value:7.3f}" for value in traces[:, -1])
-        print(f"{rings:5d} {plant.geometry.elements:9d} {plant.h * 1e6:8.1f} {cost:28.2f}  {end}", flush=True)
-    for reference in [count for count in (PUBLISHED, FINE) if count in runs]:
-        print(f"\nagainst {reference} rings: greatest and rms difference")
-        for rings in [count for count in runs if count != reference]:
-            print(f"{rings:5d}  {compare(runs[rings][1], runs[reference][1])}")
+        print(f"{name:13s} {plant.geometry.elements:9d} {plant.h * 1e6:8.1f} {cost:28.2f}  {end}", flush=True)
+    print(f"\nagainst {PUBLISHED}: greatest and rms difference, cost over its cost")
+    for name in [name for name in runs if name != PUBLISHED]:
+        print(f"{name}  {compare(runs[name][1], runs[PUBLISHED][1])}   {runs[name][2] / runs[PUBLISHED][2]:.2f}")
     if len(runs) > 1:
         elements, per_step = zip(*((plant.geometry.elements, cost * plant.h) for plant, _, cost in runs.values()), strict=True)
         print(f"\ntime per step grows as the number of elements to the power {np.polyfit(np.log(elements), np.log(per_step), 1)[0]:.2f}")

@@ -13,7 +13,7 @@ from .anatomy import PLAIN
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .assembly_diagnosis import cause
-from .assembly_geometry import assembly_geometry, assembly_grid, octopus_grid, thin_ring_limit
+from .assembly_geometry import assembly_geometry, assembly_grid, thin_ring_limit
 from .assembly_layout import AssemblyRow, SpokeRow
 from .errors import OctoctrlError, PlantUnstableError, check_number
 from .plant import BUILDING, Observation, Plant
@@ -52,8 +52,10 @@ class AssemblyPlant(Plant):
     arm : Arm
     scene : Scene
     rings : int, optional
-        Resolution: the same arm with fewer or more rings than the published 180, each a bundle or a part of those, which costs as much less
-        or more as it has elements (72, 108, 144, 360, ...; see docs/assembly.md for what each changes).
+        Resolution: the same arm with more rings than the published 180, each a part of one (360, ...), which costs as much more as it has
+        elements.
+    ring_nodes : int, optional
+        Coarse rings: 8 nodes, one at each longitudinal muscle, instead of the published 40 take a third of the time, see docs/assembly.md.
     dt : float or "auto", s
         Largest time step; ``"auto"`` is `DEFAULT_SHARE` of the limit of the thinnest rings, or the arm's own.
     resting_tone : float or None
@@ -78,6 +80,7 @@ class AssemblyPlant(Plant):
         scene=None,
         *,
         rings=None,
+        ring_nodes=None,
         dt="auto",
         resting_tone=None,
         paper_compatible=False,
@@ -93,11 +96,9 @@ class AssemblyPlant(Plant):
         check_number("resting_tone", resting_tone, at_least=0.0, at_most=1.0)
         self.resting_tone, self.paper_compatible = resting_tone, paper_compatible
         self.sample_interval, self.record_every = sample_interval, record_every
-        self.grid = assembly_grid(self.arm, rings)
-        if paper_compatible and self.grid.bundle != 1:
-            raise OctoctrlError(
-                f"rings={rings}: paper_compatible is the published arm of {octopus_grid(self.arm).rings} rings; leave rings out"
-            )
+        self.grid = assembly_grid(self.arm, rings, ring_nodes)
+        if paper_compatible and self.grid != assembly_grid(self.arm):
+            raise OctoctrlError("paper_compatible is the published arm with its own numbers of rings and ring nodes; leave both out")
         self.geometry = assembly_geometry(self.arm, self.grid)
         limit, thinnest = thin_ring_limit(self.arm, self.geometry)
         usual, allowed = (anatomy.step or round(share * limit, 6) for share in (DEFAULT_SHARE, LARGEST_SHARE))
@@ -243,7 +244,7 @@ class AssemblyPlant(Plant):
         return f"{'LR'[hand]}-OM helix {number + 1}", late * grid.lanes + lane - 1
 
     def _identity(self):
-        return super()._identity() | {"resting_tone": self.resting_tone}
+        return super()._identity() | {"ring_nodes": self.grid.ring_nodes, "resting_tone": self.resting_tone}
 
     def _state(self):
         open_rods, rings = self.rods.state()

@@ -1,10 +1,11 @@
 """The buffer of an assembly, filled from geometry: states at rest, stiffnesses, masses, connection constants, damping for a time step."""
 
 from dataclasses import dataclass
+from math import tau
 
 import numpy as np
 
-from .assembly_crossing_kernels import HELIX_PLACES, RING_PLACES, buffer_size, crossing_offsets
+from .assembly_crossing_kernels import buffer_size, crossing_offsets
 from .assembly_geometry import ring_connections, stiffness, straight_connections
 from .assembly_joint_kernels import spoke_offsets
 from .assembly_kernels import family_offsets
@@ -102,16 +103,19 @@ def new_assembly(geometry):
         stride = stride_of(slots, lanes)
         return flat[int(start) : int(start) + len(rows) * stride].reshape(len(rows), stride)
 
-    ring_index = np.zeros((6, grid.helices, lanes), dtype=np.uint64)
-    helix_index = np.zeros((3, grid.helices, lanes), dtype=np.uint64)
+    opposite = grid.ring_nodes // 2
+    # Places on the ring and on the helix, as the kernels name them.
+    around, along = ((0, 1, opposite, opposite + 1), (0,)) if grid.between else ((-2, -1, 0, 1, 2, opposite), (1, 0, -1))
+    ring_index = np.zeros((len(around), grid.helices, lanes), dtype=np.uint64)
+    helix_index = np.zeros((len(along), grid.helices, lanes), dtype=np.uint64)
     lane = np.arange(1, count + 1)
-    for place, away in zip(RING_PLACES, (-2, -1, 0, 1, 2, grid.ring_nodes // 2), strict=True):
-        node = (geometry.oblique_nodes + away) % grid.ring_nodes
-        ring_index[RING_PLACES.index(place), :, 1 : count + 1] = (node + 1) * lanes + lane
+    for place, away in enumerate(around):
+        node = (_node_before(geometry) + away) % grid.ring_nodes
+        ring_index[place, :, 1 : count + 1] = (node + 1) * lanes + lane
     for j in range(grid.helices):
         side, start = 1 if j < grid.helices // 2 else -1, (grid.straight_rods + grid.helix_nodes * j) * lanes
-        for place, away in zip(HELIX_PLACES, (side, 0, -side), strict=True):
-            helix_index[HELIX_PLACES.index(place), j, 1 : count + 1] = start + grid.helix_nodes * (lane - 1) + 1 + away
+        for place, away in enumerate(along):
+            helix_index[place, j, 1 : count + 1] = start + grid.helix_nodes * (lane - 1) + 1 + side * away
     buffer = AssemblyBuffer(
         grid=grid,
         flat=flat,
@@ -119,10 +123,15 @@ def new_assembly(geometry):
         rings=view(family_offsets(grid, True)["X1"], R, grid.ring_slots),
         spokes=view(spoke_offsets(grid)["S1"], SpokeRow, grid.spoke_slots),
         crossings=view(crossing_offsets(grid)["A1"], CrossingRow, grid.helices),
-        ring_index=ring_index.reshape(6, -1),
-        helix_index=helix_index.reshape(3, -1),
+        ring_index=ring_index.reshape(len(around), -1),
+        helix_index=helix_index.reshape(len(along), -1),
     )
     return buffer
+
+
+def _node_before(geometry):
+    """Ring node at which helix j meets ring i, or the last one before, (helices, N) int."""
+    return np.floor(geometry.oblique_nodes + 1e-9).astype(int)
 
 
 def set_rest(buffer, geometry):
@@ -290,7 +299,11 @@ def _fill_connections(buffer, arm, geometry, h):
     buffer.crossing(C.SPRING)[:] = ring.oblique_spring
     for row in (C.CONTACT, C.P_CONTACT, C.N_CONTACT):
         buffer.crossing(row)[:] = ring.oblique_contact
-    buffer.crossing(C.BAND)[:] = max(grid.bundle - 1, 0.0) * arm.ring_radius
+    if grid.between:
+        width = tau / grid.ring_nodes
+        angle = (geometry.oblique_nodes - _node_before(geometry)) * width
+        buffer.crossing(C.SHARE)[:] = np.sin(angle) / (np.sin(angle) + np.sin(width - angle))
+        buffer.crossing(C.ARC)[:] = np.cos(angle - width / 2) / np.cos(width / 2)
     # The first ring's lower helix neighbour, and the last ring's upper one, do not exist.
     half = grid.helices // 2
     buffer.crossing(C.N_CONTACT)[:half, 0] = buffer.crossing(C.P_CONTACT)[half:, 0] = 0.0

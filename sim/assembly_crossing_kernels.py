@@ -95,10 +95,7 @@ def crossing_kernels(grid):
     FH1, FH2, FH3 = force["H"]
     FN1, FN2, FN3 = force["N"]
     A_RADIUS, B_RADIUS, S_RADIUS, D_RADIUS, E_RADIUS, P_RADIUS, H_RADIUS, N_RADIUS = (c[f"{place}_RADIUS"] for place in "ABSDEPHN")
-    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE, BAND = (
-        c[k] for k in ("SPRING", "CONTACT", "P_CONTACT", "N_CONTACT", "EFFECTIVE", "BAND")
-    )
-    bundled = grid.bundle > 1
+    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE = (c[k] for k in ("SPRING", "CONTACT", "P_CONTACT", "N_CONTACT", "EFFECTIVE"))
 
     @kernel(inline="always")
     def push(d1, d2, d3, reach, stiffness, effective):
@@ -106,13 +103,6 @@ def crossing_kernels(grid):
         distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
         overlap = max(reach - distance, 0.0)
         return stiffness * overlap * np.sqrt(overlap / (1 + effective * overlap)) / distance
-
-    @kernel(inline="always")
-    def outside(d1, d2, d3, n1, n2, n3, band):
-        # A distance vector from the nearest fibre of a bundle, which reaches so far to either side along n.
-        along = d1 * n1 + d2 * n2 + d3 * n3
-        along = min(max(along, -band), band)
-        return d1 - along * n1, d2 - along * n2, d3 - along * n3
 
     @kernel
     def connect(b):
@@ -131,35 +121,22 @@ def crossing_kernels(grid):
                 f3 = spring * (d3 + lever * o3) - unit * d3
                 b[FH1 + k], b[FH2 + k], b[FH3 + k] = f1, f2, f3
                 b[FS1 + k], b[FS2 + k], b[FS3 + k] = -f1, -f2, -f3
-                if bundled:
-                    d1, d2, d3 = b[E1 + k] - b[A1 + k], b[E2 + k] - b[A2 + k], b[E3 + k] - b[A3 + k]
-                    n1, n2, n3 = o2 * d3 - o3 * d2, o3 * d1 - o1 * d3, o1 * d2 - o2 * d1
-                    inverse, band = 1 / np.sqrt(n1 * n1 + n2 * n2 + n3 * n3), b[BAND + k]
-                    n1, n2, n3 = n1 * inverse, n2 * inverse, n3 * inverse
                 p1, p2, p3, radius, stiffness = b[P1 + k], b[P2 + k], b[P3 + k], b[P_RADIUS + k], b[P_CONTACT + k]
                 d1, d2, d3 = b[D1 + k] - p1, b[D2 + k] - p2, b[D3 + k] - p3
-                if bundled:
-                    d1, d2, d3 = outside(d1, d2, d3, n1, n2, n3, band)
                 unit = push(d1, d2, d3, b[D_RADIUS + k] + radius, stiffness, effective)
                 f1, f2, f3 = unit * d1, unit * d2, unit * d3
                 b[FD1 + k], b[FD2 + k], b[FD3 + k] = f1, f2, f3
                 d1, d2, d3 = b[E1 + k] - p1, b[E2 + k] - p2, b[E3 + k] - p3
-                if bundled:
-                    d1, d2, d3 = outside(d1, d2, d3, n1, n2, n3, band)
                 unit = push(d1, d2, d3, b[E_RADIUS + k] + radius, stiffness, effective)
                 d1, d2, d3 = unit * d1, unit * d2, unit * d3
                 b[FE1 + k], b[FE2 + k], b[FE3 + k] = d1, d2, d3
                 b[FP1 + k], b[FP2 + k], b[FP3 + k] = -f1 - d1, -f2 - d2, -f3 - d3
                 p1, p2, p3, radius, stiffness = b[N1 + k], b[N2 + k], b[N3 + k], b[N_RADIUS + k], b[N_CONTACT + k]
                 d1, d2, d3 = b[B1 + k] - p1, b[B2 + k] - p2, b[B3 + k] - p3
-                if bundled:
-                    d1, d2, d3 = outside(d1, d2, d3, n1, n2, n3, band)
                 unit = push(d1, d2, d3, b[B_RADIUS + k] + radius, stiffness, effective)
                 f1, f2, f3 = unit * d1, unit * d2, unit * d3
                 b[FB1 + k], b[FB2 + k], b[FB3 + k] = f1, f2, f3
                 d1, d2, d3 = b[A1 + k] - p1, b[A2 + k] - p2, b[A3 + k] - p3
-                if bundled:
-                    d1, d2, d3 = outside(d1, d2, d3, n1, n2, n3, band)
                 unit = push(d1, d2, d3, b[A_RADIUS + k] + radius, stiffness, effective)
                 d1, d2, d3 = unit * d1, unit * d2, unit * d3
                 b[FA1 + k], b[FA2 + k], b[FA3 + k] = d1, d2, d3

@@ -45,7 +45,7 @@ class RodFamily:
     density : (R,) float64, kg/m^3
     closed : bool
     fibres : float
-        Fibres of that radius side by side in one rod: a bundle, not a thick rod.
+        Fibres of that radius side by side in one rod: a part of one in a finer build.
     stiffening : float
         Factor on bending and twist stiffness.
     tip_mass : (R,) float64, kg
@@ -117,8 +117,8 @@ class AssemblyGeometry:
     inclination : float, rad
         Of the longitudinal muscles towards the axis.
     straight, rings, oblique : RodFamily
-    oblique_nodes : (helices, N) int
-        Ring node at which helix j meets ring i.
+    oblique_nodes : (helices, N) int or float64
+        Ring node at which helix j meets ring i; between nodes, with the share of the angle to the next one.
     oblique_edges : (helix nodes,) float64, m
         Heights of the helices' nodes, which bound the cells of their activation.
     """
@@ -141,11 +141,11 @@ class AssemblyGeometry:
 PUBLISHED_NODES = 40
 
 
-def octopus_grid(arm, rings=None):
+def octopus_grid(arm, rings=None, ring_nodes=None):
     """The grid of an arm of eight muscles.
 
-    Published are rings that touch each other, of 40 nodes. With another number of `rings`, each stands for a bundle of published ones (or
-    for a part of one), and has fewer nodes in the same ratio, so that the helices still meet ring nodes.
+    Published are rings that touch each other, of 40 nodes. With more `rings`, each stands for a part of a published one and has more nodes
+    in the same ratio, so that the helices still meet ring nodes. With fewer `ring_nodes` they cross the rings between nodes.
 
     Raises
     ------
@@ -156,30 +156,33 @@ def octopus_grid(arm, rings=None):
     if published < 8 or abs(published * 2 * arm.ring_radius / arm.length - 1) > 1e-9:
         raise OctoctrlError(f"ring_radius={arm.ring_radius:g} m: the arm's length must be a whole number (at least 8) of ring thicknesses")
     rings = published if rings is None else rings
-    # At least one node between neighbouring muscles.
-    nodes = {count: PUBLISHED_NODES * count / published for count in range(8, LARGEST_COUNT + 1)}
-    fit = [count for count, each in nodes.items() if each % 8 == 0 and each >= 16]
+    fit = [count for count in range(published, LARGEST_COUNT + 1) if PUBLISHED_NODES * count % (8 * published) == 0]
     if rings not in fit:
         raise OctoctrlError(
-            f"rings={rings!r}: {published} rings of {PUBLISHED_NODES} nodes can only be bundled so that all eight muscles meet a node; "
+            f"rings={rings!r}: {published} rings of {PUBLISHED_NODES} nodes can only be made finer so that all eight muscles meet a node; "
             f"choose {', '.join(str(count) for count in fit)}"
         )
-    return AssemblyGrid(rings=rings, ring_nodes=PUBLISHED_NODES * rings // published, bundle=published / rings)
+    nodes = PUBLISHED_NODES * rings // published
+    if ring_nodes not in (None, *range(8, nodes + 1, 8)):
+        raise OctoctrlError(f"ring_nodes={ring_nodes!r}: eight muscles need a multiple of 8, at most {nodes} with {rings} rings")
+    between = ring_nodes not in (None, nodes)
+    return AssemblyGrid(rings=rings, ring_nodes=ring_nodes if between else nodes, bundle=published / rings, between=between)
 
 
-def assembly_grid(arm, rings=None):
+def assembly_grid(arm, rings=None, ring_nodes=None):
     """The grid of the arm's anatomy, or else that of an octopus arm.
 
     Raises
     ------
     OctoctrlError
-        As `octopus_grid`, or if the anatomy has another number of `rings`.
+        As `octopus_grid`, or if the anatomy has other numbers of `rings` or `ring_nodes`.
     """
     fixed = arm.anatomy.grid
     if fixed is None:
-        return octopus_grid(arm, rings)
-    if rings not in (None, fixed.rings):
-        raise OctoctrlError(f"rings={rings!r}: arm '{arm.name}' is built of {fixed.rings} rings only; leave rings out")
+        return octopus_grid(arm, rings, ring_nodes)
+    for name, value in (("rings", rings), ("ring_nodes", ring_nodes)):
+        if value not in (None, getattr(fixed, name)):
+            raise OctoctrlError(f"{name}={value!r}: arm '{arm.name}' is built with {getattr(fixed, name)} only; leave {name} out")
     return fixed
 
 
@@ -194,8 +197,8 @@ def assembly_geometry(arm, grid=None):
     grid = assembly_grid(arm) if grid is None else grid
     spacing = arm.length / grid.rings
     turn = grid.ring_nodes * spacing / arm.oblique_pitch
-    step = round(turn)
-    if step < 1 or abs(turn - step) > 1e-9:
+    step = turn if grid.between else round(turn)
+    if not grid.between and (step < 1 or abs(turn - step) > 1e-9):
         raise OctoctrlError(
             f"oblique_pitch={arm.oblique_pitch:g} m: an oblique fibre must advance by a whole number of ring nodes "
             f"(1/{grid.ring_nodes} turn) per ring; the nearest pitch is {grid.ring_nodes * spacing / max(step, 1):.6g} m"
@@ -221,7 +224,7 @@ def assembly_geometry(arm, grid=None):
 
 
 def _outline(arm, grid):
-    """Radii over those of the first published ring, which fall to 1 / taper at the last one, at the middles of the bundles."""
+    """Radii over those of the first published ring, which fall to 1 / taper at the last one, at the middles of the rings."""
     inside = (grid.bundle - 1) / 2 * (1 - 1 / arm.taper) / (grid.rings * grid.bundle - 1)
     return np.linspace(1.0 - inside, 1 / arm.taper + inside, grid.rings)
 
@@ -287,7 +290,9 @@ def _helices(arm, grid, spacing, step, path, fibre):
     before, share = node[:-1] // per_ring, node[:-1] % per_ring / per_ring
     radius = (1 - share) * fibre[before] + share * fibre[np.minimum(before + 1, count - 1)]
     ring, number = step * np.arange(count), np.arange(helices)[:, None]
-    nodes = np.where(number < half, ring, -ring) + grid.ring_nodes // half * number + shift[:, None]
+    nodes = np.where(number < half, ring, -ring) + grid.ring_nodes / half * number + shift[:, None]
+    if not grid.between:
+        nodes = nodes.astype(int)
     family = RodFamily(points=points, frames=frames, radius=np.tile(radius, (helices, 1)), density=np.full(helices, arm.densities[3]))
     return family, nodes % grid.ring_nodes, heights
 
@@ -423,9 +428,9 @@ def ring_connections(arm, geometry):
             oblique_contact=np.zeros(count),
         )
     thick, modulus = arm.ring_radius, arm.youngs_modulus
-    element = geometry.rings.length[:, 0]
     perimeter = geometry.rings.length.sum(axis=1)
     bundle = geometry.grid.bundle
+    element = perimeter * bundle / PUBLISHED_NODES
     muscle = bundle * 2 * thick * perimeter * modulus / (thick + geometry.straight.radius[1]) * RING_MUSCLE_SPRING
     oblique = 2 * thick * element * modulus / (thick + geometry.oblique.radius[0, :: geometry.grid.helix_nodes]) * RING_OBLIQUE_SPRING
     return RingConnections(
@@ -433,7 +438,7 @@ def ring_connections(arm, geometry):
         muscle_torque=perimeter / 2 * modulus * RING_MUSCLE_TORQUE / bundle,
         muscle_contact=RING_MUSCLE_CONTACT * muscle * ROOT_MILLIMETRE,
         muscle_repulsion=np.zeros(count),
-        ring_spring=2 * thick * element[1:] * geometry.grid.spoke_pitch * modulus / geometry.spacing * RING_RING_SPRING,
+        ring_spring=2 * thick * perimeter[1:] / geometry.grid.spokes * modulus / geometry.spacing * RING_RING_SPRING,
         oblique_spring=oblique,
         oblique_contact=RING_OBLIQUE_CONTACT * oblique * ROOT_MILLIMETRE,
     )

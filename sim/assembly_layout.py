@@ -42,7 +42,9 @@ class AssemblyGrid:
     helix_nodes : int
         Nodes of a helix from one ring to the next.
     bundle : float
-        Touching rings of the arm that one ring here stands for.
+        Touching rings of the arm that one ring here stands for: 1, or less in a finer build.
+    between : bool
+        Whether helices cross the rings between their nodes, which are then too few to meet.
 
     Raises
     ------
@@ -56,6 +58,7 @@ class AssemblyGrid:
     helices: int = 8
     helix_nodes: int = 2
     bundle: float = 1.0
+    between: bool = False
 
     def __post_init__(self):
         for name, step in (("rings", 1), ("spokes", 4), ("helices", 2), ("helix_nodes", 2), ("ring_nodes", self.spokes)):
@@ -159,7 +162,7 @@ class CrossingRow(_Row):
     P1, P2, P3, P_RADIUS = (auto() for _ in range(4))
     H1, H2, H3, H_RADIUS = (auto() for _ in range(4))
     N1, N2, N3, N_RADIUS = (auto() for _ in range(4))
-    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE, BAND = (auto() for _ in range(6))
+    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE, SHARE, ARC = (auto() for _ in range(7))
     # Forces on ring nodes and helix nodes.
     FA1, FA2, FA3, FB1, FB2, FB3, FS1, FS2, FS3, FD1, FD2, FD3, FE1, FE2, FE3 = (auto() for _ in range(15))
     FP1, FP2, FP3, FH1, FH2, FH3, FN1, FN2, FN3 = (auto() for _ in range(9))

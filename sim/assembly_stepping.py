@@ -8,6 +8,7 @@ bad one.
 import numpy as np
 
 from .anatomy import PLAIN
+from .assembly_between_kernels import between_kernels
 from .assembly_crossing_kernels import crossing_kernels
 from .assembly_joint_kernels import gather_kernel, joint_kernels, scatter_kernels
 from .assembly_kernels import cord_brake, family_kernels, family_offsets, open_solver, ring_solver, ring_spin_brake
@@ -69,7 +70,7 @@ def assembly_stepper(grid, inclination, published=False, traits=PLAIN):
     gather = gather_kernel(grid)
     cord, neighbours, ring_muscle, ring_ring = joint_kernels(grid, inclination)
     beside, scatter = scatter_kernels(grid)
-    fetch, connect, give = crossing_kernels(grid)
+    fetch, connect, give = (between_kernels if grid.between else crossing_kernels)(grid)
     lanes, count, ring_nodes, helices, helix_elements = grid.lanes, grid.rings, grid.ring_nodes, grid.helices, grid.helix_elements
     straight, helix_slots = grid.straight_rods, grid.helix_nodes
     left = helices // 2
