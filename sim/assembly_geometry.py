@@ -182,7 +182,9 @@ def assembly_grid(arm, rings=None, ring_nodes=None):
         return octopus_grid(arm, rings, ring_nodes)
     for name, value in (("rings", rings), ("ring_nodes", ring_nodes)):
         if value not in (None, getattr(fixed, name)):
-            raise OctoctrlError(f"{name}={value!r}: arm '{arm.name}' is built with {getattr(fixed, name)} only; leave {name} out")
+            raise OctoctrlError(
+                f"{name}={value!r}: arm '{arm.name}' is built of {fixed.rings} rings of {fixed.ring_nodes} nodes only; leave {name} out"
+            )
     return fixed
 
 

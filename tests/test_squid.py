@@ -94,7 +94,10 @@ def test_the_strike_is_the_fifteenth_power_of_a_raised_cosine():
         (lambda: Plant(SquidTentacle()), "arm 'squid-tentacle' is not built as an octopus arm, as the one-rod plant is; use AssemblyPlant"),
         (lambda: SquidTentacle(myosin=(0.1e-6, 0.5e-6)), "myosin=1e-07 m"),
         (lambda: Strike(rise=0.0), "rise=0 s"),
-        (lambda: AssemblyPlant(TENTACLE, rings=72), "rings=72: arm 'squid-tentacle' is built of 96 rings only; leave rings out"),
+        (
+            lambda: AssemblyPlant(TENTACLE, rings=72),
+            "rings=72: arm 'squid-tentacle' is built of 96 rings of 24 nodes only; leave rings out",
+        ),
         (lambda: AssemblyPlant(TENTACLE, dt=2e-5), "dt=2e-05 s is outside 0…1e-05 s; use dt='auto'"),
     ],
 )
