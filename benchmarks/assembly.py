@@ -11,7 +11,6 @@ import time
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS
 from octoctrl.sim.assembly import AssemblyPlant, _compiled
 from octoctrl.sim.topology import twist, writhe
 
@@ -30,7 +29,6 @@ def programme(oblique=0.3):
     oblique_end, straight_end = 0.2 * 357 / 360, 0.2 * 178 / 180
     return Activation(
         templates=(
-            Plateau(groups=(*LONGITUDINAL_GROUPS, "TM"), level=0.001, rise=0.01),
             Plateau(groups=("R-OM",), level=oblique, offset=3.0, window=(0.0, oblique_end)),
             Plateau(groups=("LM1", "LM2", "LM8"), level=0.3, onset=1.5, rise=4.0, window=(0.0, straight_end)),
             Plateau(groups=("L-OM",), level=oblique, onset=4.1, rise=1.0, window=(0.0, oblique_end)),

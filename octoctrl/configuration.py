@@ -85,7 +85,7 @@ class RunSettings:
     ----------
     feedback : {"tvlqr", "open-loop"}
         What corrects the activations while the plant moves.
-    plant : {"rod", "assembly"}
+    plant : {"rod", "assembly", "assembly-coarse"}
         What the plan is made for and carried out on: one rod, or the full arm of 197 rods.
     """
 

@@ -15,7 +15,7 @@ from .results import Event, Execution, ExecutionStatus
 
 FEEDBACKS = ("open-loop", "tvlqr")
 
-PERIOD, PERIODS = 0.05, {"assembly": 0.025}
+PERIOD, PERIODS = 0.05, {"assembly": 0.025, "assembly-coarse": 0.025}
 """Time between corrections, s: the full arm, which its reduced model describes less well, is corrected more often."""
 
 PATIENCE = 0.3
@@ -31,7 +31,7 @@ def execute(plan, *, feedback="tvlqr", plant=None, period=None, patience=None, s
     feedback : {"tvlqr", "open-loop"} or callable
         A callable gets ``(time, observation)`` and returns the levels of the muscle groups: a dict of group to level, or an array (11,)
         or (11, n) in the order of `octoctrl.sim.arm.MUSCLE_GROUPS`. It replaces the plan's activation.
-    plant : Plant or {"rod", "assembly"}, optional
+    plant : Plant or {"rod", "assembly", "assembly-coarse"}, optional
         A plant, which is reset, or the name of one for the plan's arm and scene; the one that the plan was made for if omitted.
     period : float, optional, s
         Between corrections; `PERIOD`, or that of the plant in `PERIODS`, if omitted.

@@ -6,7 +6,7 @@ from octoctrl.sim.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.scene import Scene
 
-from .plants import check_plant, make_plant, warmup
+from .plants import MODELLED_AS, check_plant, make_plant, warmup
 from .progress import NullProgress
 from .store import check_target
 
@@ -23,7 +23,7 @@ def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, l
         The octopus arm if omitted.
     scene : Scene, optional
         Its water is used.
-    plant : {"rod", "assembly"}
+    plant : {"rod", "assembly", "assembly-coarse"}
         What is moved; the full arm takes some three minutes.
     path : str or Path, optional
         Where to keep the model (.json), to be passed to `plan`.
@@ -52,7 +52,7 @@ def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, l
     arm, scene = arm or Arm.octopus(), scene or Scene()
     display = progress or NullProgress()
     warmup(plant, progress)
-    runs = identification.experiments(arm, plant)
+    runs = identification.experiments(arm, MODELLED_AS[plant])
     recordings, cut_short, done = [], {}, 0.0
     display.start("running the plant", sum(duration for _, _, duration in runs))
     try:
@@ -71,7 +71,7 @@ def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, l
             recordings.append((activation, recording))
             done += duration
         display.start(f"fitting {laws} laws to {len(recordings)} runs")
-        found = identification.identify(recordings, arm, scene, laws=laws, plant=plant)
+        found = identification.identify(recordings, arm, scene, laws=laws, plant=MODELLED_AS[plant])
     finally:
         display.stop()
     found.statistics["cut_short"] = cut_short
@@ -89,7 +89,7 @@ def load_model(model, arm, scene, plant="rod"):
         A file written by `identify`, such a model, or None for the one that comes with octoctrl.
     arm : Arm
     scene : Scene
-    plant : {"rod", "assembly"}
+    plant : {"rod", "assembly", "assembly-coarse"}
         What the model should describe.
 
     Returns
@@ -104,6 +104,7 @@ def load_model(model, arm, scene, plant="rod"):
     from octoctrl.planners import identification
 
     check_plant(plant)
+    plant = MODELLED_AS[plant]
     if model is None:
         return identification.load_identified(arm, scene, plant=plant)
     if isinstance(model, str | Path):

@@ -19,7 +19,7 @@ def plan(task, *, arm=None, scene=None, plant=None, model=None, time_limit=None,
         In place of the configuration's.
     scene : Scene, optional
         In place of the configuration's.
-    plant : {"rod", "assembly"}, optional
+    plant : {"rod", "assembly", "assembly-coarse"}, optional
         What the plan is for, in place of the configuration's.
     model : str, Path or IdentifiedModel, optional
         The arm's reduced model as `octoctrl.identifying.identify` makes it; the one that comes with octoctrl if omitted.

@@ -4,10 +4,19 @@ from time import perf_counter
 
 from octoctrl.sim.errors import check_choice
 
-PLANTS = {"rod": "one Cosserat rod of the arm's outline", "assembly": "the full arm of 197 rods"}
+PLANTS = {
+    "rod": "one Cosserat rod of the arm's outline",
+    "assembly": "the full arm of 197 rods",
+    "assembly-coarse": "the full arm of 197 rods with coarse rings, in a third of the time",
+}
 """Name of each plant, and what it is."""
 
-_FIRST_TIME = {"rod": "some seconds", "assembly": "about a minute"}
+MODELLED_AS = {"rod": "rod", "assembly": "assembly", "assembly-coarse": "assembly"}
+"""For which plant the reduced model of each is identified."""
+
+_FIRST_TIME = {"rod": "some seconds", "assembly": "about a minute", "assembly-coarse": "about a minute"}
+
+COARSE_RING = 8
 
 
 def check_plant(name):
@@ -30,9 +39,9 @@ def make_plant(name="rod", arm=None, scene=None, **options):
 
     Parameters
     ----------
-    name : {"rod", "assembly"}
-        One Cosserat rod of the arm's outline (`octoctrl.sim.plant.Plant`), or the full arm of 197 rods
-        (`octoctrl.sim.assembly.AssemblyPlant`), which takes some 500 times as long.
+    name : {"rod", "assembly", "assembly-coarse"}
+        One Cosserat rod of the arm's outline (`octoctrl.sim.plant.Plant`); the full arm of 197 rods
+        (`octoctrl.sim.assembly.AssemblyPlant`), which takes some 500 times as long; or that with rings of `COARSE_RING` nodes.
     arm : Arm, optional
         The octopus arm if omitted.
     scene : Scene, optional
@@ -55,6 +64,8 @@ def make_plant(name="rod", arm=None, scene=None, **options):
         return Plant(arm, scene, **options)
     from octoctrl.sim.assembly import AssemblyPlant
 
+    if name == "assembly-coarse":
+        options = {"ring_nodes": COARSE_RING} | options
     return AssemblyPlant(arm, scene, **options)
 
 
@@ -63,7 +74,7 @@ def warmup(name="rod", progress=None):
 
     Parameters
     ----------
-    name : {"rod", "assembly"}
+    name : {"rod", "assembly", "assembly-coarse"}
     progress : Progress, optional
         Live display.
 

@@ -127,7 +127,9 @@ class AssemblyPlant(Plant):
     @property
     def model(self):
         """Name of the model with its numerics, as written into saved states."""
-        return "assembly, as published" if self.paper_compatible else "assembly"
+        if self.paper_compatible:
+            return "assembly, as published"
+        return "assembly-coarse" if self.grid.between else "assembly"
 
     def _law_constants(self):
         from .muscle_kernels import law_constants
@@ -196,8 +198,8 @@ class AssemblyPlant(Plant):
         since = (self.samples + np.arange(samples + 1)) * self.sample_interval
         tone = self.resting_tone * np.minimum(since / TONE_RAMP, 1.0)
         longitudinal[:, 0] = tone[:, None]
-        longitudinal[:, 1:] = np.maximum(_at_spokes(levels[:, : len(LONGITUDINAL_GROUPS)], self.grid.spokes), tone[:, None, None])
-        transverse = np.maximum(levels[:, MUSCLE_GROUPS.index("TM")], tone[:, None])
+        longitudinal[:, 1:] = self._toned(_at_spokes(levels[:, : len(LONGITUDINAL_GROUPS)], self.grid.spokes), tone[:, None, None])
+        transverse = self._toned(levels[:, MUSCLE_GROUPS.index("TM")], tone[:, None])
         good = rods.state()
         with BUILDING:
             step, _ = _compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits)
@@ -230,6 +232,10 @@ class AssemblyPlant(Plant):
             )
         self.samples += samples
         return self._piece(first, points, frames, stretch, levels)
+
+    def _toned(self, levels, tone):
+        """Levels with the resting tone: at least that; in the source, that where there is no other."""
+        return np.where(levels > 0, levels, tone) if self.paper_compatible else np.maximum(levels, tone)
 
     def place(self, family, where):
         """Name of the rod and number of the element at index `where` in a row of `family` (0 open rods, 1 rings)."""
