@@ -1,11 +1,9 @@
 """Twist against the winding angle of the oblique fibres, for a tapered and an untapered arm, on the full arm and on the one-rod plant.
 
-Run with ``python benchmarks/winding.py`` (some five minutes); prints a table and writes ``docs/winding.png``. The left-handed helices are
-held at a moderate level for a second. A helix must meet a node of every ring, so that its pitch takes steps; 60 rings of 40 nodes, each a
-bundle of three published rings, give ten angles from 31 to 83 degrees. Left out are pitches at which every crossing falls on a longitudinal
-muscle (each 45 degrees of every ring): they twist otherwise than their neighbours. Steep helices are not resolved, so all is done with 2, 4
-and 6 helix nodes per ring; the line is their mean, the band their range. The pitch is constant, so that the angle of a
-tapered arm is that at its base and falls towards the tip.
+Run with ``python benchmarks/winding.py`` (some three minutes); prints a table and writes ``docs/winding.png``. The left-handed helices are
+held at a moderate level for a second. The full arm has coarse rings, which helices cross between nodes, so that any pitch fits; twice as
+many helix elements show how well steep helices are resolved. The pitch is constant, so that the angle of a tapered arm falls towards the
+tip: its values are drawn against the angle at the base and against the mean along the arm.
 """
 
 from dataclasses import dataclass
@@ -23,24 +21,28 @@ from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plant import Plant
 from octoctrl.sim.topology import twist, writhe
 
-RINGS, RING_NODES, HELIX_NODES = 60, 40, (2, 4, 6)
-STEPS = (1, 2, 3, 4, 6, 7, 8, 9, 11, 14)
-"""Ring nodes that a helix advances by from ring to ring; 5 and 10 would hit longitudinal muscles only."""
-ANGLES = np.arange(30.0, 86.0, 2.5)
+HELIX_NODES = {2: 0.0, 4: 70.0}
+"""Helix nodes per ring, and from which angle on: at smaller ones the slack helices of the other hand flutter with 4."""
+ANGLES = np.array([30.0, 40.0, 50.0, 55.0, 60.0, 65.0, 70.0, 75.0, 80.0, 85.0])
 LEVEL, HOLD = 0.17, 1.0
 TAPERS = {"tapered 12 : 1": 12.0, "untapered": 1.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WoundArm(Arm):
-    """An octopus arm on a grid of its own."""
+    """An octopus arm whose helices may have any pitch and number of nodes per ring."""
 
     helix_nodes: int
 
     @property
     def anatomy(self):
-        """The octopus arm's, on bundled rings and with so many helix nodes per ring."""
-        return Anatomy(grid=AssemblyGrid(rings=RINGS, ring_nodes=RING_NODES, helix_nodes=self.helix_nodes, bundle=3.0))
+        """The octopus arm's, on coarse rings and with so many helix nodes per ring."""
+        return Anatomy(grid=AssemblyGrid(rings=180, ring_nodes=8, helix_nodes=self.helix_nodes, between=True))
+
+
+def pitch(taper, angle):
+    """Pitch (m) of a helix that winds at `angle` (degrees) at the base."""
+    return tau * float(Arm(taper=taper).section(0.0).oblique_offset) / tan(radians(angle))
 
 
 def hold(plant):
@@ -55,23 +57,22 @@ def hold(plant):
 
 
 def full_arm(taper, helix_nodes):
-    """Angle at the base, mean angle (degrees) and what `hold` gives, for every pitch on the grid."""
-    for step in STEPS:
-        arm = WoundArm(taper=taper, helix_nodes=helix_nodes, oblique_pitch=RING_NODES * Arm().length / RINGS / step)
-        angles = np.degrees(np.arctan(tau * arm.section(np.linspace(0, arm.length, 200)).oblique_offset / arm.oblique_pitch))
+    """Angle at the base, mean angle (degrees) and what `hold` gives, for every angle."""
+    for angle in ANGLES[ANGLES >= HELIX_NODES[helix_nodes]]:
+        arm = WoundArm(taper=taper, helix_nodes=helix_nodes, oblique_pitch=pitch(taper, angle))
+        mean = np.degrees(np.arctan(tau * arm.section(np.linspace(0, arm.length, 200)).oblique_offset / arm.oblique_pitch)).mean()
         try:
-            yield angles[0], angles.mean(), *hold(AssemblyPlant(arm, dt=4e-5))
+            yield angle, mean, *hold(AssemblyPlant(arm, dt=5e-5))
         except PlantUnstableError as error:
-            print(f"  {angles[0]:.1f} degrees: {error}")
-            yield angles[0], angles.mean(), *4 * (np.nan,)
+            print(f"  {angle:.1f} degrees: {error}")
+            yield angle, mean, *4 * (np.nan,)
 
 
 def one_rod(taper):
     """Angle at the base (degrees) and what `hold` gives, on the one-rod plant."""
-    reach = float(Arm(taper=taper).section(0.0).oblique_offset)
     for angle in ANGLES:
         try:
-            yield angle, *hold(Plant(Arm(taper=taper, oblique_pitch=tau * reach / tan(radians(angle)))))
+            yield angle, *hold(Plant(Arm(taper=taper, oblique_pitch=pitch(taper, angle))))
         except PlantUnstableError as error:
             print(f"  {angle:.1f} degrees: {error}")
 
@@ -92,18 +93,17 @@ def main():
     axes.axvspan(65, 75, facecolor="0.93", label="maximum expected: 70° ± 5°")
     for (name, taper), color in zip(TAPERS.items(), ("tab:blue", "tab:orange"), strict=True):
         print(f"{name}, full arm: angle at the base and its mean along the arm, twist at 0.8 and 1 s, writhe, length mm")
-        turns = []
-        for helix_nodes in HELIX_NODES:
+        for helix_nodes, style in zip(HELIX_NODES, ("o-", "x"), strict=True):
             print(f"  {helix_nodes} helix nodes per ring")
             rows = np.array(list(full_arm(taper, helix_nodes)))
             for row in rows:
                 print("  {:6.1f} {:6.1f} {:8.3f} {:8.3f} {:8.3f}".format(*row[:5]), f"{row[5] * 1e3:8.1f}", flush=True)
-            print(f"  largest twist {np.nanmax(rows[:, 3]):.2f} at {peak(rows[:, 0], rows[:, 3]):.1f} degrees")
-            turns.append(rows[:, 3])
-        angles, mean = rows[:, 0], np.nanmean(turns, axis=0)
-        print(f"  of the mean: {mean.max():.2f} at {peak(angles, mean):.1f} degrees")
-        axes.plot(angles, mean, "o-", color=color, label=f"full arm, {name}")
-        axes.fill_between(angles, np.nanmin(turns, axis=0), np.nanmax(turns, axis=0), color=color, alpha=0.2, linewidth=0)
+            angles, means, turns = rows[np.isfinite(rows[:, 3])][:, [0, 1, 3]].T
+            print(f"  largest twist {turns.max():.2f} at {peak(angles, turns):.1f} degrees at the base, {peak(means, turns):.1f} mean")
+            label = f"full arm, {name}" if style == "o-" else None
+            axes.plot(angles, turns, style, color=color, label=label)
+            if taper != 1.0 and style == "o-":
+                axes.plot(means, turns, "o--", color=color, alpha=0.4, label=f"full arm, {name}, against the mean angle")
         rod = np.array(list(one_rod(taper)))
         best = int(np.argmax(rod[:, 2]))
         print(f"{name}, one rod: largest twist {rod[best, 2]:.2f} at {rod[best, 0]:.1f} degrees")
