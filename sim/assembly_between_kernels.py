@@ -12,7 +12,7 @@ middle between two rings, which a coarse ring has no nodes for, are left out.
 
 import numpy as np
 
-from .assembly_crossing_kernels import crossing_offsets
+from .assembly_crossing_kernels import crossing_offsets, transfer_kernels
 from .assembly_kernels import family_offsets
 from .assembly_layout import stride_of
 from .compiler import kernel
@@ -33,36 +33,21 @@ def between_kernels(grid):
     o, g, c = family_offsets(grid, False), family_offsets(grid, True), crossing_offsets(grid)
     L, last, helices = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices
     row = np.uint64(stride_of(helices, grid.lanes))
-    X, HX, RF, HF = (tuple(table[f"{name}{i}"] for i in (1, 2, 3)) for table, name in ((g, "X"), (o, "X"), (g, "F"), (o, "F")))
+    X1, X2, X3, HX1, HX2, HX3 = (table[f"X{i}"] for table in (g, o) for i in (1, 2, 3))
+    RF1, RF2, RF3, HF1, HF2, HF3 = (table[f"F{i}"] for table in (g, o) for i in (1, 2, 3))
     RADIUS, HRADIUS, S_RADIUS, H_RADIUS = g["RADIUS"], o["RADIUS"], c["S_RADIUS"], c["H_RADIUS"]
     A, B, D, E = (c[f"{place}1"] for place in RING_PLACES)
     H, FA, FB, FD, FE, FH = (c[name] for name in ("H1", "FA1", "FB1", "FD1", "FE1", "FH1"))
     SPRING, CONTACT, EFFECTIVE, SHARE, ARC = (c[k] for k in ("SPRING", "CONTACT", "EFFECTIVE", "SHARE", "ARC"))
     places, results = (A, B, D, E), (FA, FB, FD, FE)
-
-    @kernel
-    def fetch(b, index, rows, target):
-        for j in range(helices):
-            for i in range(ONE, last):
-                k = np.uint64(j) * L + i
-                source = index[k]
-                b[target + k] = b[rows[0] + source]
-                b[target + row + k] = b[rows[1] + source]
-                b[target + row + row + k] = b[rows[2] + source]
-
-    @kernel
-    def fetch_radius(b, index, radius, target):
-        for j in range(helices):
-            for i in range(ONE, last):
-                k = np.uint64(j) * L + i
-                b[target + k] = b[radius + index[k]]
+    fetch, fetch_radius, give = transfer_kernels(grid)
 
     @kernel
     def gather(b, ring_index, helix_index):
         for place in range(4):
-            fetch(b, ring_index[place], X, places[place])
+            fetch(b, ring_index[place], X1, X2, X3, places[place])
         fetch_radius(b, ring_index[0], RADIUS, S_RADIUS)
-        fetch(b, helix_index[0], HX, H)
+        fetch(b, helix_index[0], HX1, HX2, HX3, H)
         fetch_radius(b, helix_index[0], HRADIUS, H_RADIUS)
 
     @kernel
@@ -99,19 +84,9 @@ def between_kernels(grid):
                 b[FE + k], b[FE + row + k], b[FE + row + row + k] = -right_opposite * f1, -right_opposite * f2, -right_opposite * f3
 
     @kernel
-    def give(b, index, source, rows):
-        for j in range(helices):
-            for i in range(ONE, last):
-                k = np.uint64(j) * L + i
-                target = index[k]
-                b[rows[0] + target] += b[source + k]
-                b[rows[1] + target] += b[source + row + k]
-                b[rows[2] + target] += b[source + row + row + k]
-
-    @kernel
     def scatter(b, ring_index, helix_index):
         for place in range(4):
-            give(b, ring_index[place], results[place], RF)
-        give(b, helix_index[0], FH, HF)
+            give(b, ring_index[place], results[place], RF1, RF2, RF3)
+        give(b, helix_index[0], FH, HF1, HF2, HF3)
 
     return gather, connect, scatter

@@ -29,23 +29,16 @@ def buffer_size(grid):
     return int(crossing_offsets(grid)["A1"]) + len(CrossingRow) * stride_of(grid.helices, grid.lanes)
 
 
-def crossing_kernels(grid):
-    """Compile gathering, forces and scattering of the crossings.
+def transfer_kernels(grid):
+    """Compile what moves numbers between rods and crossings.
 
     Returns
     -------
-    gather, connect, scatter : compiled functions
-        ``gather(buffer, ring_index, helix_index)`` with (6, helices * lanes) and (3, helices * lanes) uint64 indices within a row of the
-        places `RING_PLACES` and `HELIX_PLACES`; ``connect(buffer)``; ``scatter(buffer, ring_index, helix_index)``.
+    fetch, fetch_radius, give : compiled functions
+        ``fetch(buffer, index, x1, x2, x3, target)`` copies vectors to three rows from `target` on, ``fetch_radius(buffer, index, radius,
+        target)`` one number each, and ``give(buffer, index, source, f1, f2, f3)`` adds three rows to forces.
     """
-    o, g, c = family_offsets(grid, False), family_offsets(grid, True), crossing_offsets(grid)
     L, last, helices = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices
-    X1, X2, X3, RADIUS = (g[k] for k in ("X1", "X2", "X3", "RADIUS"))
-    HX1, HX2, HX3, HRADIUS = (o[k] for k in ("X1", "X2", "X3", "RADIUS"))
-    ring_rows = tuple(c[f"{place}1"] for place in RING_PLACES)
-    ring_radius = tuple(c[f"{place}_RADIUS"] for place in RING_PLACES if place != "O")
-    helix_rows = tuple(c[f"{place}1"] for place in HELIX_PLACES)
-    helix_radius = tuple(c[f"{place}_RADIUS"] for place in HELIX_PLACES)
     row = np.uint64(stride_of(helices, grid.lanes))
 
     @kernel
@@ -64,6 +57,38 @@ def crossing_kernels(grid):
             for i in range(ONE, last):
                 k = np.uint64(j) * L + i
                 b[target + k] = b[radius + index[k]]
+
+    @kernel
+    def give(b, index, source, f1, f2, f3):
+        for j in range(helices):
+            for i in range(ONE, last):
+                k = np.uint64(j) * L + i
+                target = index[k]
+                b[f1 + target] += b[source + k]
+                b[f2 + target] += b[source + row + k]
+                b[f3 + target] += b[source + row + row + k]
+
+    return fetch, fetch_radius, give
+
+
+def crossing_kernels(grid):
+    """Compile gathering, forces and scattering of the crossings.
+
+    Returns
+    -------
+    gather, connect, scatter : compiled functions
+        ``gather(buffer, ring_index, helix_index)`` with (6, helices * lanes) and (3, helices * lanes) uint64 indices within a row of the
+        places `RING_PLACES` and `HELIX_PLACES`; ``connect(buffer)``; ``scatter(buffer, ring_index, helix_index)``.
+    """
+    o, g, c = family_offsets(grid, False), family_offsets(grid, True), crossing_offsets(grid)
+    L, last, helices = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices
+    X1, X2, X3, RADIUS = (g[k] for k in ("X1", "X2", "X3", "RADIUS"))
+    HX1, HX2, HX3, HRADIUS = (o[k] for k in ("X1", "X2", "X3", "RADIUS"))
+    ring_rows = tuple(c[f"{place}1"] for place in RING_PLACES)
+    ring_radius = tuple(c[f"{place}_RADIUS"] for place in RING_PLACES if place != "O")
+    helix_rows = tuple(c[f"{place}1"] for place in HELIX_PLACES)
+    helix_radius = tuple(c[f"{place}_RADIUS"] for place in HELIX_PLACES)
+    fetch, fetch_radius, give = transfer_kernels(grid)
 
     @kernel
     def gather(b, ring_index, helix_index):
@@ -145,16 +170,6 @@ def crossing_kernels(grid):
     ring_forces = tuple(force[place][0] for place in "ABSDE")
     helix_forces = tuple(force[place][0] for place in "PHN")
     RF1, RF2, RF3, HF1, HF2, HF3 = (table[f"F{i}"] for table in (g, o) for i in (1, 2, 3))
-
-    @kernel
-    def give(b, index, source, f1, f2, f3):
-        for j in range(helices):
-            for i in range(ONE, last):
-                k = np.uint64(j) * L + i
-                target = index[k]
-                b[f1 + target] += b[source + k]
-                b[f2 + target] += b[source + row + k]
-                b[f3 + target] += b[source + row + row + k]
 
     @kernel
     def scatter(b, ring_index, helix_index):
