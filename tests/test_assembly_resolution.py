@@ -144,6 +144,12 @@ def test_step_follows_the_thinnest_ring():
 
 
 @pytest.mark.slow
+def test_a_finer_arm_runs_at_its_automatic_step():
+    finer, fine = twisting(0.1, rings=360), twisting(0.1)
+    assert finer[0] == pytest.approx(fine[0], rel=0.03)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("nodes", (8, 16, 24))
 @pytest.mark.parametrize("groups", (("R-OM",), ("L-OM",), ("LM1", "LM2", "LM8"), ("TM",), ("R-OM", "L-OM")), ids="+".join)
 def test_strong_programmes_run_at_the_automatic_step(nodes, groups):
