@@ -14,7 +14,7 @@ import numpy as np
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 from octoctrl.sim.assembly import TONE_RAMP, AssemblyPlant, _compiled
-from octoctrl.sim.assembly_geometry import ring_connections, straight_connections
+from octoctrl.sim.assembly_constants import ring_connections, straight_connections
 from octoctrl.sim.assembly_kernels import ring_spin_brake
 from octoctrl.sim.assembly_layout import AssemblyRow as R
 from octoctrl.sim.assembly_layout import CrossingRow as C

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from octoctrl.plants import warmup
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.batch import simulate_batch
-from octoctrl.sim.plant import Plant, warmup
+from octoctrl.sim.plant import Plant
 
 
 def arms(count, seed=0):

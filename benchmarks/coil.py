@@ -18,7 +18,8 @@ from octoctrl.execution import execute
 from octoctrl.planners import trajectory
 from octoctrl.planners.identification import load_identified
 from octoctrl.planners.task import Goal
-from octoctrl.sim.plant import Plant, warmup
+from octoctrl.plants import warmup
+from octoctrl.sim.plant import Plant
 from octoctrl.sim.scene import Scene
 from octoctrl.sim.topology import measure
 

@@ -12,13 +12,17 @@ BEND = 2.0
 """Angle through which the couple bends the rod, rad."""
 
 
-def _rod(elements, damping=0.0):
-    from octoctrl.sim.rod import Rod
+def _simulation(elements, share, damping=0.0):
+    from octoctrl.sim.rod import Rod, RodSimulation
 
-    return Rod.straight(
-        length=LENGTH, radius=RADIUS, elements=elements, density=DENSITY, youngs_modulus=YOUNG, shear_modulus=SHEAR, support="clamped",
-        section="constant", damping=damping,
+    sim = RodSimulation(
+        Rod.straight(
+            length=LENGTH, radius=RADIUS, elements=elements, density=DENSITY, youngs_modulus=YOUNG, shear_modulus=SHEAR, support="clamped",
+            section="constant", damping=damping,
+        )
     )  # fmt: skip
+    sim.dt *= share
+    return sim
 
 
 def stretch_wave(elements, share):
@@ -35,10 +39,7 @@ def stretch_wave(elements, share):
     (RodSimulation, callable, float)
         The rod, what returns its error over the amplitude, and the duration, s.
     """
-    from octoctrl.sim.rod import RodSimulation
-
-    sim = RodSimulation(_rod(elements))
-    sim.dt *= share
+    sim = _simulation(elements, share)
     shape = AMPLITUDE * np.sin(np.pi * np.linspace(0, 1, elements + 1) / 2)
     sim.velocities = shape[:, None] * [0.0, 1.0, 0.0]
     return sim, lambda: np.abs(sim.velocities[:, 1] - shape).max() / AMPLITUDE, PERIODS * 4 * LENGTH / np.sqrt(YOUNG / DENSITY)
@@ -56,10 +57,7 @@ def twist_wave(elements, share):
     -------
     (RodSimulation, callable, float)
     """
-    from octoctrl.sim.rod import RodSimulation
-
-    sim = RodSimulation(_rod(elements))
-    sim.dt *= share
+    sim = _simulation(elements, share)
     shape = AMPLITUDE * np.sin(np.pi * (np.arange(elements) + 0.5) / (2 * elements))
     sim.spins = shape[:, None] * [0.0, 0.0, 1.0]
     return sim, lambda: np.abs(sim.spins[:, 2] - shape).max() / AMPLITUDE, PERIODS * 4 * LENGTH / np.sqrt(SHEAR / DENSITY)
@@ -77,10 +75,7 @@ def circle(elements, share):
     -------
     (RodSimulation, callable, float)
     """
-    from octoctrl.sim.rod import RodSimulation
-
-    sim = RodSimulation(_rod(elements, damping=5.0))
-    sim.dt *= share
+    sim = _simulation(elements, share, damping=5.0)
     curvature = BEND / LENGTH
     sim.load(tip_couple=(0.0, 0.0, YOUNG * np.pi / 4 * RADIUS**4 * curvature))
     expected = np.array([-(1 - np.cos(BEND)), np.sin(BEND), 0.0]) / curvature

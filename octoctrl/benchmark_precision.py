@@ -138,7 +138,9 @@ def rod_precision(*, full=False):
     -------
     Table
     """
-    from octoctrl.sim.plant import Plant, warmup
+    from octoctrl.sim.plant import Plant
+
+    from .plants import warmup
 
     warmup()
     largest = Plant().limit.step
@@ -214,10 +216,11 @@ def reduced_precision(*, full=False):
     Table
     """
     from octoctrl.planners.identification import load_identified
-    from octoctrl.sim.plant import Plant, warmup
+    from octoctrl.sim.plant import Plant
     from octoctrl.sim.topology import measure
 
     from .benchmarking import fastest
+    from .plants import warmup
 
     warmup()
     configuration = tasks.load("coil")

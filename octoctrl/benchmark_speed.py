@@ -7,11 +7,12 @@ import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
-from octoctrl.sim.plant import Plant, warmup
+from octoctrl.sim.plant import Plant
 from octoctrl.sim.rod_layout import STATE_ROWS
 from octoctrl.sim.scene import Scene
 
 from .benchmarking import Table, fastest
+from .plants import warmup
 
 LEVEL = 0.3
 WINDOW = 0.5

@@ -225,7 +225,9 @@ def steps(*, full=False):
     -------
     Table
     """
-    from octoctrl.sim.plant import Plant, warmup
+    from octoctrl.sim.plant import Plant
+
+    from .plants import warmup
 
     warmup()
     rows = []

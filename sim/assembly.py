@@ -12,8 +12,9 @@ import numpy as np
 from .anatomy import PLAIN
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from .assembly_buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
+from .assembly_constants import thin_ring_limit
 from .assembly_diagnosis import cause
-from .assembly_geometry import assembly_geometry, assembly_grid, thin_ring_limit
+from .assembly_geometry import assembly_geometry, assembly_grid
 from .assembly_layout import AssemblyRow, SpokeRow
 from .errors import OctoctrlError, PlantUnstableError, check_number
 from .plant import BUILDING, Observation, Plant

@@ -5,8 +5,8 @@ from math import tau
 
 import numpy as np
 
+from .assembly_constants import ring_connections, stiffness, straight_connections
 from .assembly_crossing_kernels import buffer_size, crossing_offsets
-from .assembly_geometry import ring_connections, stiffness, straight_connections
 from .assembly_joint_kernels import spoke_offsets
 from .assembly_kernels import family_offsets
 from .assembly_layout import STATE_ROWS, AssemblyGrid, AssemblyRow, CrossingRow, SpokeRow, stride_of

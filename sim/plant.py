@@ -8,11 +8,9 @@ from functools import cache
 from math import ceil, cos, sin, tau
 from pathlib import Path
 from threading import Lock
-from time import perf_counter
 
 import numpy as np
 
-from .activation import Activation
 from .anatomy import OCTOPUS
 from .arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, azimuth
 from .errors import OctoctrlError, PlantUnstableError, check_choice, check_number
@@ -469,26 +467,3 @@ class Plant:
     def _restore(self, data):
         """Take up the arrays of `_state`."""
         self.rows[:STATE_ROWS, : self.elements + 2] = data["state"]
-
-
-def warmup(progress=None):
-    """Compile the plant, or load it from the cache.
-
-    Parameters
-    ----------
-    progress : object with ``start(label)`` and ``stop()``, optional
-        Live display.
-
-    Returns
-    -------
-    float, s
-        How long it took.
-    """
-    begin = perf_counter()
-    if progress is not None:
-        progress.start("compiling the plant (once; kept on disk)")
-    plant = Plant()
-    plant.advance(Activation(), plant.sample_interval)
-    if progress is not None:
-        progress.stop()
-    return perf_counter() - begin

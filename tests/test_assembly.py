@@ -6,7 +6,8 @@ import pytest
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_geometry import assembly_geometry, ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly_constants import ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly_geometry import assembly_geometry
 from octoctrl.sim.assembly_layout import STATE_ROWS, SpokeRow
 from octoctrl.sim.assembly_layout import AssemblyRow as R
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError

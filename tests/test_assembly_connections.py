@@ -6,7 +6,7 @@ import pytest
 from octoctrl.sim.activation import Activation
 from octoctrl.sim.arm import Arm
 from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_geometry import ring_connections
+from octoctrl.sim.assembly_constants import ring_connections
 from octoctrl.sim.assembly_kernels import ring_spin_brake
 from octoctrl.sim.assembly_layout import AssemblyRow as R
 from octoctrl.sim.assembly_layout import SpokeRow as S

@@ -6,7 +6,8 @@ import pytest
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_geometry import assembly_geometry, octopus_grid, ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly_constants import ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly_geometry import assembly_geometry, octopus_grid
 from octoctrl.sim.assembly_layout import AssemblyGrid, CrossingRow
 from octoctrl.sim.assembly_layout import AssemblyRow as R
 from octoctrl.sim.errors import OctoctrlError

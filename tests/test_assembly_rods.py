@@ -13,7 +13,7 @@ from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.assembly import AssemblyPlant, _compiled
 from octoctrl.sim.assembly_buffer import set_filter_masks
-from octoctrl.sim.assembly_geometry import stiffness
+from octoctrl.sim.assembly_constants import stiffness
 from octoctrl.sim.assembly_layout import AssemblyRow as R
 from octoctrl.sim.assembly_published_kernels import published_drag, published_strain, velocity_filters
 from octoctrl.sim.muscle_kernels import law_constants

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_geometry import assembly_geometry, ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly_constants import ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly_geometry import assembly_geometry
 from octoctrl.sim.assembly_layout import AssemblyRow as R
 from octoctrl.sim.assembly_layout import SpokeRow
 from octoctrl.sim.errors import OctoctrlError
