@@ -11,8 +11,8 @@ import time
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.topology import twist, writhe
+from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
+from octoctrl.sim.topology.measures import twist, writhe
 
 AUTHORS = 2000.0
 INDEPENDENT = {

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
-from octoctrl.sim.assembly import TONE_RAMP, AssemblyPlant, _compiled
-from octoctrl.sim.assembly_constants import ring_connections, straight_connections
-from octoctrl.sim.assembly_kernels import ring_spin_brake
-from octoctrl.sim.assembly_layout import AssemblyRow as R
-from octoctrl.sim.assembly_layout import CrossingRow as C
-from octoctrl.sim.assembly_layout import SpokeRow as S
-from octoctrl.sim.assembly_stepping import CORD_SLIP_RATE, RING_SPIN_RATE
+from octoctrl.sim.assembly.constants import ring_connections, straight_connections
+from octoctrl.sim.assembly.family_kernels import ring_spin_brake
+from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.layout import CrossingRow as C
+from octoctrl.sim.assembly.layout import SpokeRow as S
+from octoctrl.sim.assembly.plant import TONE_RAMP, AssemblyPlant, _compiled
+from octoctrl.sim.assembly.stepping import CORD_SLIP_RATE, RING_SPIN_RATE
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 
 PROGRAMMES = {
     "twist": (Plateau(groups=("R-OM",), level=0.3, window=(0.0, 0.2 * 357 / 360)),),

@@ -13,9 +13,9 @@ import time
 import numpy as np
 from assembly import programme
 
-from octoctrl.sim.assembly import AssemblyPlant
+from octoctrl.sim.assembly.plant import AssemblyPlant
 from octoctrl.sim.errors import PlantUnstableError
-from octoctrl.sim.topology import measure
+from octoctrl.sim.topology.measures import measure
 
 BUILDS = {"180 x  8": {"ring_nodes": 8}, "180 x 16": {"ring_nodes": 16}, "180 x 24": {"ring_nodes": 24}, "180 x 40": {}}
 PUBLISHED = "180 x 40"

@@ -11,12 +11,12 @@ import numpy as np
 from assembly import programme
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
-from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_buffer import set_filter_masks
-from octoctrl.sim.assembly_layout import AssemblyRow as R
-from octoctrl.sim.recording import Recording
-from octoctrl.sim.topology import measure, twist, writhe
+from octoctrl.sim.assembly.buffer import set_filter_masks
+from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
+from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.topology.measures import measure, twist, writhe
 
 FAMILIES = ("cord", "LM", "L-OM", "R-OM", "rings")
 

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from octoctrl.plants import warmup
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
-from octoctrl.sim.batch import simulate_batch
-from octoctrl.sim.plant import Plant
+from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
+from octoctrl.sim.plants import warmup
+from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.running.batch import simulate_batch
 
 
 def arms(count, seed=0):

@@ -13,15 +13,15 @@ from time import perf_counter
 import numpy as np
 
 from octoctrl import tasks
-from octoctrl.comparison import level_delays
-from octoctrl.execution import execute
-from octoctrl.planners import trajectory
-from octoctrl.planners.identification import load_identified
-from octoctrl.planners.task import Goal
-from octoctrl.plants import warmup
-from octoctrl.sim.plant import Plant
-from octoctrl.sim.scene import Scene
-from octoctrl.sim.topology import measure
+from octoctrl.carrying.execution import execute
+from octoctrl.judging.comparison import level_delays
+from octoctrl.planners.asking.task import Goal
+from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.solving import trajectory
+from octoctrl.sim.plants import warmup
+from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.topology.measures import measure
 
 GUESSES = 20
 PLANTS = {

@@ -13,9 +13,9 @@ import numpy as np
 
 import octoctrl as oc
 from octoctrl import tasks
-from octoctrl.plants import warmup
 from octoctrl.sim.errors import PlantUnstableError
-from octoctrl.sim.topology import measure, sucker_orientation
+from octoctrl.sim.plants import warmup
+from octoctrl.sim.topology.measures import measure, sucker_orientation
 
 SIDES = {
     "suckers inward (LM 1, 2, 8)": (),

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from assembly import programme, shape
 
-from octoctrl.sim.assembly import AssemblyPlant
-from octoctrl.sim.assembly_layout import AssemblyRow
+from octoctrl.sim.assembly.layout import AssemblyRow
+from octoctrl.sim.assembly.plant import AssemblyPlant
 
 DURATION, PIECE = 1.0, 0.02
 RECORDED = {0.1: (194.852, -0.1014), 0.2: (194.617, -0.5226), 0.3: (195.102, -0.8943), 0.4: (194.833, -0.9971), 0.6: (194.840, -1.0269)}

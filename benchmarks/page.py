@@ -7,8 +7,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-from octoctrl import benchmarking
-from octoctrl.console import RichProgress
+from octoctrl.bench import benchmark as benchmarking
+from octoctrl.progress import RichProgress
 
 LEFT_OUT = ("stability",)
 """Parts with a page of their own: docs/stability.md."""

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS
-from octoctrl.sim.assembly import AssemblyPlant
-from octoctrl.sim.assembly_layout import AssemblyRow as R
+from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.plant import AssemblyPlant
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
 from octoctrl.sim.errors import PlantUnstableError
-from octoctrl.sim.topology import twist, writhe
+from octoctrl.sim.topology.measures import twist, writhe
 
 PRIMITIVES = (
     ("shortening", "LM1..8", LONGITUDINAL_GROUPS, 0.3),

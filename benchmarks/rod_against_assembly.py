@@ -15,11 +15,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import octoctrl as oc
-from octoctrl.planners.identification import GENERIC_FREE, INTERVAL, KNOWN_FREE, TOLERANCE, _Run, experiments, first_guess, identify
-from octoctrl.planners.reduced import ReducedModel
-from octoctrl.plants import warmup
-from octoctrl.sim.arm import LumpedSection
-from octoctrl.sim.topology import measure
+from octoctrl.planners.fitting.identification import GENERIC_FREE, INTERVAL, KNOWN_FREE, TOLERANCE, _Run, experiments, first_guess, identify
+from octoctrl.planners.model.reduced import ReducedModel
+from octoctrl.sim.body.arm import LumpedSection
+from octoctrl.sim.plants import warmup
+from octoctrl.sim.topology.measures import measure
 
 ARM = oc.Arm.octopus()
 LUMPED = {"hoop_ratio": (0.0, 0.5), "oblique_passive": (0.05, 10.0), "torsion": (0.05, 30.0)}

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from octoctrl.sim.assembly import AssemblyPlant
-from octoctrl.sim.scene import Scene
-from octoctrl.sim.tentacle import SquidTentacle, Strike
+from octoctrl.sim.assembly.plant import AssemblyPlant
+from octoctrl.sim.body.squid import SquidTentacle
+from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.sources import Strike
 
 RECORDED = np.array([
     (28, 93.037, 0.0186), (30, 93.125, 0.0918), (32, 93.483, 0.3018), (34, 94.479, 0.7366), (36, 96.543, 1.3461),

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.anatomy import Anatomy
-from octoctrl.sim.arm import Arm, oblique_angle
-from octoctrl.sim.assembly import AssemblyPlant
-from octoctrl.sim.assembly_layout import AssemblyGrid
+from octoctrl.sim.assembly.plant import AssemblyPlant
+from octoctrl.sim.body.anatomy import Anatomy
+from octoctrl.sim.body.arm import Arm, oblique_angle
+from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import PlantUnstableError
-from octoctrl.sim.plant import Plant
-from octoctrl.sim.topology import twist, writhe
+from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.topology.measures import twist, writhe
 
 HELIX_NODES = {2: 0.0, 4: 70.0}
 """Helix nodes per ring, and from which angle on: at smaller ones the slack helices of the other hand flutter with 4."""

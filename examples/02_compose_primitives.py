@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import octoctrl as oc
-from octoctrl.sim.topology import measure
+from octoctrl.sim.topology.measures import measure
 
 
 def main(quick=False):

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from math import inf
 
 import octoctrl as oc
-from octoctrl.planners.schedule import PRIMITIVES
-from octoctrl.store import register
+from octoctrl.files.store import register
+from octoctrl.planners.asking.schedule import PRIMITIVES
 
 
 @register  # so that plans that use it can be saved

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import octoctrl as oc
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
 
 
 class LengthController:

@@ -12,9 +12,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import octoctrl as oc
-from octoctrl.planners.identification import load_identified
-from octoctrl.sim.arm import MUSCLE_GROUPS
-from octoctrl.sim.topology import measure
+from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.sim.body.arm import MUSCLE_GROUPS
+from octoctrl.sim.topology.measures import measure
 
 PERIOD, HAND, LEVEL, CHANGE, AT = 0.05, "R-OM", 0.15, 0.02, 3.0
 

@@ -6,57 +6,70 @@
 >>> print(oc.verify(run))  # doctest: +SKIP
 """
 
-import importlib
+import importlib.util
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-# In a source checkout `sim/` and `planners/` stand beside this folder; this makes them importable as octoctrl.sim and octoctrl.planners.
-if (Path(__file__).parent.parent / "sim" / "arm.py").is_file():
-    __path__.append(str(Path(__file__).parent.parent))
+
+def _find_in_checkout(name):
+    """In a source checkout, take `sim` or `planners` from the folder beside this one: those two and nothing else of the checkout."""
+    folder = Path(__file__).parent.parent / name
+    if not (folder / "py.typed").is_file() or (Path(__file__).parent / name).exists():
+        return
+    spec = importlib.util.spec_from_file_location(f"{__name__}.{name}", folder / "__init__.py", submodule_search_locations=[str(folder)])
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    globals()[name] = module
+
+
+for _name in ("sim", "planners"):
+    _find_in_checkout(_name)
 
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from octoctrl.planners.plan import Plan
-    from octoctrl.planners.schedule import Bend, BendWave, Elongate, Schedule, Shorten, Twist
-    from octoctrl.planners.task import Drive, Goal, Phase, Task
+    from octoctrl.planners.asking.schedule import Bend, BendWave, Elongate, Schedule, Shorten, Twist
+    from octoctrl.planners.asking.task import Drive, Goal, Phase, Task
+    from octoctrl.planners.solving.plan import Plan
     from octoctrl.sim.activation import Activation, Plateau, Wave
-    from octoctrl.sim.arm import Arm
-    from octoctrl.sim.batch import simulate_batch
+    from octoctrl.sim.body.arm import Arm
     from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-    from octoctrl.sim.plant import Plant
-    from octoctrl.sim.scene import Scene, Water
-    from octoctrl.sim.trace import TopologyConvention, TopologyTrace
+    from octoctrl.sim.plants import make_plant
+    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.running.batch import simulate_batch
+    from octoctrl.sim.scene.scene import Scene, Water
+    from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
 
     from . import tasks
-    from .comparison import compare
-    from .execution import execute
-    from .planning import plan
-    from .plants import make_plant
-    from .plots import plot
-    from .results import Execution, Verdict
-    from .store import load, save
-    from .verification import verify
+    from .carrying.execution import execute
+    from .carrying.planning import plan
+    from .carrying.results import Execution, Verdict
+    from .files.store import load, save
+    from .judging.comparison import compare
+    from .judging.verification import verify
+    from .pictures.plots import plot
 
 _HOMES = {
-    "octoctrl.planners.plan": ("Plan",),
-    "octoctrl.planners.schedule": ("Bend", "BendWave", "Elongate", "Schedule", "Shorten", "Twist"),
-    "octoctrl.planners.task": ("Drive", "Goal", "Phase", "Task"),
+    "octoctrl.planners.solving.plan": ("Plan",),
+    "octoctrl.planners.asking.schedule": ("Bend", "BendWave", "Elongate", "Schedule", "Shorten", "Twist"),
+    "octoctrl.planners.asking.task": ("Drive", "Goal", "Phase", "Task"),
     "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
-    "octoctrl.sim.arm": ("Arm",),
-    "octoctrl.sim.batch": ("simulate_batch",),
+    "octoctrl.sim.body.arm": ("Arm",),
+    "octoctrl.sim.running.batch": ("simulate_batch",),
     "octoctrl.sim.errors": ("OctoctrlError", "PlantUnstableError"),
-    "octoctrl.sim.plant": ("Plant",),
-    "octoctrl.sim.scene": ("Scene", "Water"),
-    "octoctrl.sim.trace": ("TopologyConvention", "TopologyTrace"),
-    "octoctrl.comparison": ("compare",),
-    "octoctrl.execution": ("execute",),
-    "octoctrl.planning": ("plan",),
-    "octoctrl.plants": ("make_plant",),
-    "octoctrl.plots": ("plot",),
-    "octoctrl.results": ("Execution", "Verdict"),
-    "octoctrl.store": ("load", "save"),
-    "octoctrl.verification": ("verify",),
+    "octoctrl.sim.rod.plant": ("Plant",),
+    "octoctrl.sim.scene.scene": ("Scene", "Water"),
+    "octoctrl.sim.topology.trace": ("TopologyConvention", "TopologyTrace"),
+    "octoctrl.judging.comparison": ("compare",),
+    "octoctrl.carrying.execution": ("execute",),
+    "octoctrl.carrying.planning": ("plan",),
+    "octoctrl.sim.plants": ("make_plant",),
+    "octoctrl.pictures.plots": ("plot",),
+    "octoctrl.carrying.results": ("Execution", "Verdict"),
+    "octoctrl.files.store": ("load", "save"),
+    "octoctrl.judging.verification": ("verify",),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -1,4 +1,4 @@
-"""Live progress as an injected object, with one that does nothing."""
+"""Live progress as an injected object: a bar on a terminal, or nothing."""
 
 from typing import Protocol, runtime_checkable
 
@@ -31,3 +31,55 @@ class NullProgress:
 
     def stop(self):
         """Show nothing."""
+
+
+class RichProgress:
+    """A bar on standard error: label, share, what is going on, elapsed and remaining time.
+
+    Nothing is shown where standard error is not a terminal; there each stretch of work is announced in one line.
+    """
+
+    def __init__(self):
+        self._bar = self._task = None
+
+    def start(self, label, total=None):
+        """Show a bar for a stretch of work.
+
+        Parameters
+        ----------
+        label : str
+        total : float, optional
+            Any unit.
+        """
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        self.stop()
+        console = Console(stderr=True)
+        if not console.is_terminal:
+            console.print(label, highlight=False)
+            return
+        columns = [SpinnerColumn(), TextColumn("{task.description}")]
+        columns += [BarColumn(), TaskProgressColumn()] if total else []
+        columns += [TextColumn("{task.fields[note]}"), TimeElapsedColumn(), *([TimeRemainingColumn()] if total else [])]
+        self._bar = Progress(*columns, console=console, transient=True)
+        self._task = self._bar.add_task(label, total=total, note="")
+        self._bar.start()
+
+    def advance(self, done, note=""):
+        """Move the bar.
+
+        Parameters
+        ----------
+        done : float
+            In the unit of the total.
+        note : str
+        """
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done, note=note)
+
+    def stop(self):
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+        self._bar = None

@@ -50,7 +50,7 @@ def load(task, *, overrides=()):
     OctoctrlError
         If the name is unknown, the file does not exist or says something wrong.
     """
-    from .configuration import parse
+    from .files.configuration import parse
 
     path = Path(task)
     if path.suffix != ".toml" and not path.is_file():
@@ -119,7 +119,7 @@ def programme(name):
     """
     from octoctrl.sim.activation import Activation, Plateau, Wave
 
-    from .configuration import convert
+    from .files.configuration import convert
 
     if name not in programmes():
         raise OctoctrlError(f"unknown programme '{name}'{suggest(name, programmes())} ({', '.join(programmes())})")

@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 
-from .arm import MUSCLE_GROUPS
+from .body.arm import MUSCLE_GROUPS
 from .errors import OctoctrlError, check_choice, check_number
 
 COMPOSITIONS = ("override", "max", "add")

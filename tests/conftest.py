@@ -28,7 +28,7 @@ def coil_strains(time, bend=1.0, twist=1.0):
 
 
 def coil_motion(arm, strains):
-    from octoctrl.planners.reduced_kinematics import element_points, element_stations, integrate_frames, section_bounds
+    from octoctrl.planners.model.kinematics import element_points, element_stations, integrate_frames, section_bounds
 
     stations, bounds = element_stations(arm.edges), section_bounds(arm, strains.shape[-2])
     frames = integrate_frames(strains, stations, bounds)
@@ -38,9 +38,9 @@ def coil_motion(arm, strains):
 @pytest.fixture(scope="session")
 def coil_plan():
     from octoctrl import tasks
-    from octoctrl.planners.plan import Plan, PlanStatus
-    from octoctrl.planners.schedule import Schedule
-    from octoctrl.sim.topology import measure
+    from octoctrl.planners.asking.schedule import Schedule
+    from octoctrl.planners.solving.plan import Plan, PlanStatus
+    from octoctrl.sim.topology.measures import measure
 
     configuration = tasks.load("coil")
     task, arm = configuration.task, configuration.arm
@@ -62,9 +62,9 @@ def coil_plan():
 
 
 def coil_execution(plan, *, bend=1.0, twist=1.0, until=DURATION, **changes):
-    from octoctrl.results import Event, Execution
-    from octoctrl.sim.recording import Recording
-    from octoctrl.sim.topology import measure
+    from octoctrl.carrying.results import Event, Execution
+    from octoctrl.sim.running.recording import Recording
+    from octoctrl.sim.topology.measures import measure
 
     time = np.linspace(0.0, until, round(until / 0.025) + 1)
     strains = coil_strains(time, bend, twist)

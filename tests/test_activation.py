@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from octoctrl.sim.activation import WRITE_THRESHOLD, Activation, Plateau, Wave
-from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
+from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
 
 LENGTH = 0.2

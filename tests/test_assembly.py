@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
-from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_constants import ring_connections, stiffness, straight_connections
-from octoctrl.sim.assembly_geometry import assembly_geometry
-from octoctrl.sim.assembly_layout import STATE_ROWS, SpokeRow
-from octoctrl.sim.assembly_layout import AssemblyRow as R
+from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly.geometry import assembly_geometry
+from octoctrl.sim.assembly.layout import STATE_ROWS, SpokeRow
+from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.topology import twist
+from octoctrl.sim.topology.measures import twist
 
 ARM = Arm.octopus()
 GEOMETRY = assembly_geometry(ARM)

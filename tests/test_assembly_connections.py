@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.activation import Activation
-from octoctrl.sim.arm import Arm
-from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_constants import ring_connections
-from octoctrl.sim.assembly_kernels import ring_spin_brake
-from octoctrl.sim.assembly_layout import AssemblyRow as R
-from octoctrl.sim.assembly_layout import SpokeRow as S
+from octoctrl.sim.assembly.constants import ring_connections
+from octoctrl.sim.assembly.family_kernels import ring_spin_brake
+from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.layout import SpokeRow as S
+from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
+from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import PlantUnstableError
 
 ARM = Arm.octopus()

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from octoctrl.sim.arm import Arm
-from octoctrl.sim.assembly import _compiled
-from octoctrl.sim.assembly_buffer import fill_parameters, new_assembly, set_rest
-from octoctrl.sim.assembly_geometry import assembly_geometry, octopus_grid
-from octoctrl.sim.assembly_layout import AssemblyGrid
-from octoctrl.sim.assembly_layout import AssemblyRow as R
+from octoctrl.sim.assembly.buffer import fill_parameters, new_assembly, set_rest
+from octoctrl.sim.assembly.geometry import assembly_geometry, octopus_grid
+from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.plant import _compiled
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import OctoctrlError
 
 STALK = 53.143e-3

@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS, Arm
-from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_constants import ring_connections, stiffness, straight_connections
-from octoctrl.sim.assembly_geometry import assembly_geometry, octopus_grid
-from octoctrl.sim.assembly_layout import AssemblyGrid, CrossingRow
-from octoctrl.sim.assembly_layout import AssemblyRow as R
+from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly.geometry import assembly_geometry, octopus_grid
+from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.layout import CrossingRow
+from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
+from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.topology import twist
+from octoctrl.sim.topology.measures import twist
 
 ARM = Arm.octopus()
 WHOLE = assembly_geometry(ARM)

@@ -10,13 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS, Arm
-from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_buffer import set_filter_masks
-from octoctrl.sim.assembly_constants import stiffness
-from octoctrl.sim.assembly_layout import AssemblyRow as R
-from octoctrl.sim.assembly_published_kernels import published_drag, published_strain, velocity_filters
-from octoctrl.sim.muscle_kernels import law_constants
+from octoctrl.sim.assembly.buffer import set_filter_masks
+from octoctrl.sim.assembly.constants import stiffness
+from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
+from octoctrl.sim.assembly.published_kernels import published_drag, published_strain, velocity_filters
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
+from octoctrl.sim.rod.section_kernels import law_constants
 
 ARM = Arm.octopus()
 LEVEL = 0.2
@@ -228,7 +228,7 @@ def everything(plant):
 PRINT_BITS = """
 import hashlib
 from test_assembly_rods import everything, programme
-from octoctrl.sim.assembly import AssemblyPlant
+from octoctrl.sim.assembly.plant import AssemblyPlant
 plant = AssemblyPlant()
 plant.advance(programme(), 0.02)
 print(hashlib.sha256(everything(plant)).hexdigest())

@@ -5,16 +5,18 @@ import json
 import numpy as np
 import pytest
 
-from octoctrl import benchmark_precision, benchmarking
-from octoctrl.benchmark_closed_forms import CASES, circle
-from octoctrl.benchmark_speed import arm_step, elastic_rod
-from octoctrl.benchmark_startup import child
-from octoctrl.benchmarking import PARTS, Table, fastest, timed_motion
-from octoctrl.cli import main
+from octoctrl.bench import benchmark as benchmarking
+from octoctrl.bench import precision as benchmark_precision
+from octoctrl.bench.benchmark import PARTS, Table, timed_motion
+from octoctrl.bench.closed_forms import CASES, circle
+from octoctrl.bench.speed import arm_step, elastic_rod
+from octoctrl.bench.startup import child
+from octoctrl.cli.application import main
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import Arm
+from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.plant import Plant
+from octoctrl.sim.rod.plant import Plant
+from octoctrl.tables import fastest
 
 BEND = Activation(templates=(Plateau(groups=("LM1",), level=0.1, rise=0.1),))
 
@@ -62,7 +64,7 @@ def test_every_part_exists():
     from importlib import import_module
 
     for module, function in PARTS.values():
-        assert callable(getattr(import_module(f"octoctrl.benchmark_{module}"), function))
+        assert callable(getattr(import_module(module), function))
 
 
 def test_failures_stay_in_the_table():

@@ -7,14 +7,14 @@ import sys
 import pytest
 from conftest import coil_execution
 
-from octoctrl import store, tasks
-from octoctrl.cli import main
-from octoctrl.configuration import parse
-from octoctrl.console import RichProgress
-from octoctrl.planners.plan import PlanStatus
-from octoctrl.progress import NullProgress, Progress
-from octoctrl.results import ExecutionStatus
-from octoctrl.verification import Limits, verify
+from octoctrl import tasks
+from octoctrl.carrying.results import ExecutionStatus
+from octoctrl.cli.application import main
+from octoctrl.files import store
+from octoctrl.files.configuration import parse
+from octoctrl.judging.verification import Limits, verify
+from octoctrl.planners.solving.plan import PlanStatus
+from octoctrl.progress import NullProgress, Progress, RichProgress
 
 HEAVY = ("numba", "casadi", "control", "scipy", "matplotlib")
 
@@ -23,7 +23,7 @@ HEAVY = ("numba", "casadi", "control", "scipy", "matplotlib")
     "arguments", [["--help"], ["tasks"], ["tasks", "coil", "--show"], ["--version"], ["plan", "--help"], ["plan", "frob"]]
 )
 def test_quick_answers_import_nothing_heavy(arguments):
-    program = f"import sys\nfrom octoctrl.cli import main\nmain({arguments!r})\n"
+    program = f"import sys\nfrom octoctrl.cli.application import main\nmain({arguments!r})\n"
     program += f"print([m for m in {HEAVY!r} if m in sys.modules], file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stderr.splitlines()[-1] == "[]"
@@ -115,7 +115,7 @@ def test_texts_are_worth_reading(coil_plan, coil_run):
 
 
 def test_termination_is_treated_as_interrupt(tmp_path):
-    program = "import time\nfrom octoctrl import cli\n"
+    program = "import time\nfrom octoctrl.cli import application as cli\n"
     program += "cli.registry.descriptions = lambda: (print('up', flush=True), time.sleep(30))\nraise SystemExit(cli.main(['tasks']))"
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "up\n"

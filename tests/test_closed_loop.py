@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from octoctrl import tasks
-from octoctrl.comparison import level_delays
-from octoctrl.execution import PATIENCE, execute
-from octoctrl.planners import trajectory
-from octoctrl.planners.identification import load_identified
-from octoctrl.planners.plan import PlanStatus
-from octoctrl.results import ExecutionStatus
-from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
+from octoctrl.carrying.execution import PATIENCE, execute
+from octoctrl.carrying.results import ExecutionStatus
+from octoctrl.judging.comparison import level_delays
+from octoctrl.judging.verification import verify
+from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.solving import trajectory
+from octoctrl.planners.solving.plan import PlanStatus
+from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.plant import Plant
-from octoctrl.sim.scene import Scene
-from octoctrl.verification import verify
+from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.scene.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -257,7 +257,7 @@ def test_a_plant_that_diverges_ends_the_run_with_what_was_good(short, feedback):
 
 
 def test_checkpoints_hold_the_run_so_far(short, monkeypatch):
-    from octoctrl import execution as module
+    from octoctrl.carrying import execution as module
 
     moments = iter(np.arange(0.0, 1e3, 0.7))
     monkeypatch.setattr(module, "perf_counter", lambda: next(moments))

@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from octoctrl import store
-from octoctrl.results import ExecutionStatus
+from octoctrl.carrying.results import ExecutionStatus
+from octoctrl.files import store
 
-PROGRAM = [sys.executable, "-m", "octoctrl.cli"]
+PROGRAM = [sys.executable, "-m", "octoctrl"]
 
 
 def octoctrl(*arguments, cwd):

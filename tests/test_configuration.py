@@ -9,12 +9,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from octoctrl import tasks
-from octoctrl.configuration import Configuration, PlanSettings, RunSettings, parse, toml_of
-from octoctrl.planners.task import QUANTITIES, Drive, Goal, Phase, Task
+from octoctrl.files.configuration import Configuration, PlanSettings, RunSettings, parse, toml_of
+from octoctrl.planners.asking.task import QUANTITIES, Drive, Goal, Phase, Task
 from octoctrl.sim.activation import WRITE_THRESHOLD
-from octoctrl.sim.arm import MUSCLE_GROUPS, Arm, LumpedSection
+from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, LumpedSection
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene import Scene, Water
+from octoctrl.sim.scene.scene import Scene, Water
 
 words = st.text(st.characters(codec="utf-8", exclude_categories=("Cs",)), max_size=12)
 names = st.text("abcdefghij_", min_size=1, max_size=8)

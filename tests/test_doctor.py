@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from octoctrl import diagnosis, tasks
-from octoctrl.cli import main
-from octoctrl.sim.arm import Arm
-from octoctrl.sim.plant import Plant
-from octoctrl.sim.scene import Scene
+from octoctrl import doctor as diagnosis
+from octoctrl import tasks
+from octoctrl.cli.application import main
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.scene.scene import Scene
 
 
 def marks(findings):

@@ -17,8 +17,8 @@ def printed(tmp_path, monkeypatch, capsys):
     """Run an example in a folder of its own, take back what it registers, and return what it prints."""
     from matplotlib import pyplot
 
-    from octoctrl import store
-    from octoctrl.planners import schedule
+    from octoctrl.files import store
+    from octoctrl.planners.asking import schedule
 
     pyplot.switch_backend("Agg")
     monkeypatch.chdir(tmp_path)

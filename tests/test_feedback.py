@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from octoctrl import tasks
-from octoctrl.planners import feedback, trajectory
-from octoctrl.planners.feedback import BIAS_SHARE, TOPOLOGY_ERROR, Tracker, design
-from octoctrl.planners.identification import load_identified
-from octoctrl.planners.plan import Plan, PlanStatus
-from octoctrl.planners.schedule import Schedule, Twist
-from octoctrl.sim.arm import MUSCLE_GROUPS
+from octoctrl.planners.asking.schedule import Schedule, Twist
+from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.following import tracking as feedback
+from octoctrl.planners.following.tracking import BIAS_SHARE, TOPOLOGY_ERROR, Tracker, design
+from octoctrl.planners.solving import trajectory
+from octoctrl.planners.solving.plan import Plan, PlanStatus
+from octoctrl.sim.body.arm import MUSCLE_GROUPS
 
 
 @pytest.fixture(scope="module")

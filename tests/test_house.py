@@ -15,7 +15,51 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = {"octoctrl": "octoctrl", "octoctrl.sim": "sim", "octoctrl.planners": "planners"}
-MODULES = sorted(path for folder in FOLDERS.values() for path in (ROOT / folder).glob("*.py"))
+MODULES = sorted(path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py") if not path.parent.is_symlink())
+
+SIM_GROUND = {"errors", "compiler", "rotations"}
+VOCABULARY = {"errors", "body", "scene", "activation", "topology", "running.recording"}
+"""What the planners know of `sim`: never a plant, never a kernel."""
+ROOMS = {
+    # Room or module of a folder, and what it may import of that folder.
+    "sim": {
+        "errors": set(),
+        "compiler": set(),
+        "rotations": set(),
+        "body": SIM_GROUND,
+        "scene": SIM_GROUND,
+        "topology": SIM_GROUND,
+        "activation": SIM_GROUND | {"body"},
+        "sources": SIM_GROUND | {"body", "activation"},
+        "running": SIM_GROUND | {"body", "scene", "activation", "sources"},
+        "rod": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "running"},
+        # In the long run nothing of the rod.
+        "assembly": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "running", "rod"},
+        "plants": SIM_GROUND | {"body", "scene", "activation", "sources", "running", "rod", "assembly"},
+    },
+    "planners": {
+        "asking": set(),
+        "model": set(),
+        "fitting": {"model"},
+        "solving": {"asking", "model", "fitting"},
+        "following": {"asking", "model", "solving.plan"},
+    },
+    "octoctrl": {
+        "progress": set(),
+        "tables": set(),
+        "files": {"progress", "tables"},
+        "tasks": {"files"},
+        "carrying": {"progress", "tables", "files", "tasks"},
+        "judging": {"progress", "tables", "files", "carrying"},
+        "pictures": {"progress", "tables", "files", "carrying", "judging"},
+        "doctor": {"progress", "tables", "files", "tasks", "carrying"},
+        "bench": {"progress", "tables", "files", "tasks", "carrying", "judging"},
+        "laboratory": {"progress", "tables", "files", "tasks", "carrying", "judging", "bench.benchmark"},
+        "__main__": {"cli"},
+        "cli": {"progress", "tables", "files", "tasks", "carrying", "judging", "pictures", "doctor", "bench", "laboratory"},
+    },
+}
+
 HEAVY = {"numba", "casadi", "control", "scipy", "matplotlib"}
 
 
@@ -24,8 +68,9 @@ def identity(path):
 
 
 def module_name(path):
-    package = next(name for name, folder in FOLDERS.items() if path.parent == ROOT / folder)
-    return package if path.stem == "__init__" else f"{package}.{path.stem}"
+    inside = path.relative_to(ROOT).with_suffix("").parts
+    parts = inside if inside[0] == "octoctrl" else ("octoctrl", *inside)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def imports(path, nodes=None):
@@ -46,22 +91,54 @@ def ours(names):
     return {name for name in names if name == "octoctrl" or name.startswith("octoctrl.")}
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if path.parent.name == "sim"], ids=identity)
-def test_sim_imports_nothing_of_ours_outside_sim(path):
-    assert not {name for name in ours(imports(path)) if name.split(".")[1:2] != ["sim"]}
+def folder_of(path):
+    return path.relative_to(ROOT).parts[0]
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if path.parent.name == "planners"], ids=identity)
-def test_planners_know_the_vocabulary_and_never_a_plant(path):
-    own = {name for name in ours(imports(path)) if name.split(".")[1:2] == ["planners"]}
-    others = ours(imports(path)) - own
-    assert all(name.startswith("octoctrl.sim.") for name in others), others
-    used = {name.split(".")[2] for name in others}
-    vocabulary = {"activation", "arm", "errors", "muscles", "recording", "scene", "topology", "trace"}
-    assert used <= vocabulary, used - vocabulary
+def place(name):
+    """Folder and place inside it of an absolute name: octoctrl.sim.rod.stepping.x -> sim, rod.stepping.x."""
+    parts = name.split(".")
+    return (parts[1], ".".join(parts[2:])) if parts[1:2] in (["sim"], ["planners"]) else ("octoctrl", ".".join(parts[1:]))
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if path.parent.name == "octoctrl"], ids=identity)
+def within(inner, rooms):
+    return any(inner == room or inner.startswith(f"{room}.") for room in rooms)
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if path.relative_to(ROOT).parts[1] != "__init__.py"], ids=identity)
+def test_rooms_import_what_the_table_allows(path):
+    folder, (_, own) = folder_of(path), place(module_name(path))
+    room = own.partition(".")[0]
+    for name in ours(imports(path)):
+        other, inner = place(name)
+        if not inner or (other == "octoctrl" and inner == "__version__"):
+            continue
+        if other == folder:
+            # A package on the way to what is imported carries nothing.
+            known = within(inner, {room} | ROOMS[folder][room]) or any(allowed.startswith(f"{inner}.") for allowed in ROOMS[folder][room])
+            assert known, f"{room} imports {inner}"
+        elif folder == "sim":
+            raise AssertionError(f"sim imports {name}")
+        elif folder == "planners":
+            assert other == "sim", name
+            assert within(inner, VOCABULARY) or any(word.startswith(f"{inner}.") for word in VOCABULARY), name
+
+
+def test_table_of_rooms_is_the_folders():
+    for folder, rooms in ROOMS.items():
+        found = {path.relative_to(ROOT / folder).parts[0].removesuffix(".py") for path in MODULES if folder_of(path) == folder}
+        assert found - {"__init__"} == set(rooms)
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in MODULES if path.stem == "__init__" and len(path.relative_to(ROOT).parts) > 2], ids=identity
+)
+def test_doors_of_rooms_only_say_what_lives_there(path):
+    body = ast.parse(path.read_text()).body
+    assert len(body) == 1 and ast.get_docstring(ast.parse(path.read_text()))
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if folder_of(path) == "octoctrl"], ids=identity)
 def test_front_door_imports_heavy_packages_only_where_used(path):
     top = imports(path, ast.parse(path.read_text()).body)
     assert not {name.partition(".")[0] for name in top} & HEAVY
@@ -69,10 +146,8 @@ def test_front_door_imports_heavy_packages_only_where_used(path):
 
 def test_package_list_is_the_folders():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
-    assert settings["packages"] == list(FOLDERS) and settings["package-dir"] == FOLDERS
-    for folder in FOLDERS.values():
-        inside = [path for path in (ROOT / folder).rglob("*.py") if path.parent != ROOT / folder and not path.parent.is_symlink()]
-        assert not [path for path in inside if path.relative_to(ROOT).parts[:2] not in {("octoctrl", "sim"), ("octoctrl", "planners")}]
+    assert settings["packages"] == sorted({module_name(path / "__init__.py") for path in {path.parent for path in MODULES}})
+    assert settings["package-dir"] == FOLDERS
 
 
 @pytest.mark.parametrize("path", MODULES, ids=identity)
@@ -113,7 +188,7 @@ def documented(word, said):
     return len(said.splitlines()) <= 12
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if path.parent.name == "octoctrl" and path.stem != "cli"], ids=identity)
+@pytest.mark.parametrize("path", [path for path in MODULES if folder_of(path) == "octoctrl" and path.parent.name != "cli"], ids=identity)
 def test_front_door_names_every_parameter(path):
     for name, node in public_functions(path):
         said = ast.get_docstring(node)
@@ -125,16 +200,16 @@ def test_front_door_names_every_parameter(path):
 def test_public_names_exist():
     package = importlib.import_module("octoctrl")
     for name, module in package._HOME_OF.items():
-        path = ROOT / FOLDERS[module.rpartition(".")[0]] / f"{module.rpartition('.')[2]}.py"
-        if path.is_file():
-            assert re.search(rf"^(?:def|class) {name}\b", path.read_text(), re.MULTILINE), f"{module} has no {name}"
+        folder, inside = place(module)
+        path = (ROOT / folder / inside.replace(".", "/")).with_suffix(".py")
+        assert re.search(rf"^(?:def|class) {name}\b", path.read_text(), re.MULTILINE), f"{module} has no {name}"
     assert package.__all__ == sorted(package.__all__) and set(package._HOME_OF) <= set(package.__all__)
     assert inspect.getdoc(package)
 
 
 def test_registry_of_the_store_is_complete():
     """Every dataclass and enum of the vocabulary can be stored."""
-    from octoctrl import store
+    from octoctrl.files import store
 
     for module, names in store._HOMES.items():
         found = {

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from octoctrl.planners.identification import (
+from octoctrl.planners.fitting.identification import (
     GENERIC_FREE,
     KNOWN_FREE,
     IdentifiedModel,
@@ -14,10 +14,10 @@ from octoctrl.planners.identification import (
     identify,
     load_identified,
 )
-from octoctrl.planners.reduced import ReducedModel, ReducedParameters
-from octoctrl.planners.reduced_kinematics import hat_means
+from octoctrl.planners.model.kinematics import hat_means
+from octoctrl.planners.model.reduced import ReducedModel, ReducedParameters
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
+from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
 
 TRUTH = ReducedParameters(longitudinal_stress=1.15, oblique_stress=0.85, viscosity=1.2)
@@ -116,8 +116,8 @@ def test_errors_say_what_to_do(call, message):
 @pytest.mark.slow
 @pytest.mark.parametrize("laws", ["known", "generic"])
 def test_model_identified_on_the_rod_plant_predicts_the_held_out_coil(laws):
-    from octoctrl.sim.plant import Plant
-    from octoctrl.sim.topology import measure
+    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.topology.measures import measure
 
     coil = Activation(
         templates=(

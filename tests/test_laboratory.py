@@ -8,17 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoctrl import laboratory, laboratory_checks, laboratory_page, laboratory_verdicts
-from octoctrl.cli import main
-from octoctrl.laboratory_endurance import long_run
-from octoctrl.laboratory_trials import ASSEMBLY_KINDS, KINDS, draw
-from octoctrl.laboratory_verdicts import Outcome, Verdict, perform
+from octoctrl.cli.application import main
+from octoctrl.laboratory import checks as laboratory_checks
+from octoctrl.laboratory import endings as laboratory_verdicts
+from octoctrl.laboratory import page as laboratory_page
+from octoctrl.laboratory import studies as laboratory
+from octoctrl.laboratory.endings import Outcome, Verdict, perform
+from octoctrl.laboratory.endurance import long_run
+from octoctrl.laboratory.trials import ASSEMBLY_KINDS, KINDS, draw
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import MUSCLE_GROUPS, Arm
+from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.plant import Plant
-from octoctrl.sim.rod_layout import Row
-from octoctrl.sim.topology import measure
+from octoctrl.sim.rod.layout import Row
+from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.topology.measures import measure
 
 PULL = Activation(templates=(Plateau(groups=("LM1", "R-OM"), level=0.3, rise=0.1),))
 

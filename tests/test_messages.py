@@ -9,10 +9,11 @@ import pytest
 from conftest import coil_execution
 
 import octoctrl as oc
-from octoctrl import store, tasks
-from octoctrl.cli import main
-from octoctrl.planners.schedule import primitive
-from octoctrl.results import ExecutionStatus
+from octoctrl import tasks
+from octoctrl.carrying.results import ExecutionStatus
+from octoctrl.cli.application import main
+from octoctrl.files import store
+from octoctrl.planners.asking.schedule import primitive
 from octoctrl.sim.errors import OctoctrlError
 
 TEMPLATE = """[task]

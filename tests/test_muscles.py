@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.muscle_kernels import hill_secant, isometric_stress, law_constants, passive_stress
-from octoctrl.sim.muscles import LONGITUDINAL, TRANSVERSE
+from octoctrl.sim.rod.section_kernels import hill_secant, isometric_stress, law_constants, passive_stress
 
 LAWS = pytest.mark.parametrize("law", [LONGITUDINAL, TRANSVERSE], ids=["longitudinal", "transverse"])
 

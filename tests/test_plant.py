@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.plant import CHUNK, REST_FRAME, Plant
-from octoctrl.sim.rod_layout import Row
-from octoctrl.sim.scene import Scene
-from octoctrl.sim.topology import measure
+from octoctrl.sim.rod.layout import Row
+from octoctrl.sim.rod.plant import CHUNK, REST_FRAME, Plant
+from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.topology.measures import measure
 
 LENGTH = 0.2
 

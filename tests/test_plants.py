@@ -8,21 +8,23 @@ import numpy as np
 import pytest
 
 import octoctrl as oc
-from octoctrl import identifying, store, tasks
-from octoctrl.cli import main
-from octoctrl.configuration import parse, toml_of
-from octoctrl.execution import PERIODS, execute
-from octoctrl.identifying import identify, load_model
-from octoctrl.planners import identification
-from octoctrl.planners.plan import PlanStatus
-from octoctrl.planners.reduced_parameters import ReducedParameters
-from octoctrl.planners.reduced_statics import CONSTANTS, section_constants
-from octoctrl.plants import PLANTS
-from octoctrl.results import ExecutionStatus
-from octoctrl.sim.assembly_layout import AssemblyRow
+from octoctrl import tasks
+from octoctrl.carrying import identifying
+from octoctrl.carrying.execution import PERIODS, execute
+from octoctrl.carrying.identifying import identify, load_model
+from octoctrl.carrying.results import ExecutionStatus
+from octoctrl.cli.application import main
+from octoctrl.files import store
+from octoctrl.files.configuration import parse, toml_of
+from octoctrl.judging.verification import verify
+from octoctrl.planners.fitting import identification
+from octoctrl.planners.model.parameters import ReducedParameters
+from octoctrl.planners.model.statics import CONSTANTS, section_constants
+from octoctrl.planners.solving.plan import PlanStatus
+from octoctrl.sim.assembly.layout import AssemblyRow
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.plant import Plant
-from octoctrl.verification import verify
+from octoctrl.sim.plants import PLANTS
+from octoctrl.sim.rod.plant import Plant
 
 ARM = oc.Arm.octopus()
 

@@ -7,16 +7,16 @@ from time import process_time
 import numpy as np
 import pytest
 
-from octoctrl.planners.reduced import LAWS, ReducedModel, ReducedParameters
-from octoctrl.planners.reduced_drag import SLOWEST, element_edges
-from octoctrl.planners.reduced_dynamics import functions
-from octoctrl.planners.reduced_kinematics import BASE_FRAME, hat_means, hat_values, rotation_vectors, rotations
-from octoctrl.planners.reduced_parameters import FACTORS
-from octoctrl.planners.reduced_statics import CONSTANTS, section_constants
+from octoctrl.planners.model.drag import SLOWEST, element_edges
+from octoctrl.planners.model.dynamics import functions
+from octoctrl.planners.model.kinematics import BASE_FRAME, hat_means, hat_values, rotation_vectors, rotations
+from octoctrl.planners.model.parameters import FACTORS
+from octoctrl.planners.model.reduced import LAWS, ReducedModel, ReducedParameters
+from octoctrl.planners.model.statics import CONSTANTS, section_constants
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import MUSCLE_GROUPS, Arm, azimuth
+from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, azimuth
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene import Scene
+from octoctrl.sim.scene.scene import Scene
 
 COIL = Activation(
     templates=(

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from octoctrl.laboratory_trials import draw
+from octoctrl.laboratory.trials import draw
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import LONGITUDINAL_GROUPS, Arm
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import PlantUnstableError
-from octoctrl.sim.plant import Plant
-from octoctrl.sim.rod import Rod, RodSimulation
-from octoctrl.sim.rod_diagnosis import FEWEST, alternation, substeps
-from octoctrl.sim.rod_layout import Row
+from octoctrl.sim.rod.diagnosis import FEWEST, alternation, substeps
+from octoctrl.sim.rod.elastic import Rod, RodSimulation
+from octoctrl.sim.rod.layout import Row
+from octoctrl.sim.rod.plant import Plant
 from octoctrl.sim.rotations import rotation_matrix
 
 MATERIAL = {"density": 1000.0, "youngs_modulus": 1e4, "shear_modulus": 4e3}

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.rod import CIRCULAR_SHEAR, Rod, RodSimulation
-from octoctrl.sim.rod_layout import Row
+from octoctrl.sim.rod.elastic import CIRCULAR_SHEAR, Rod, RodSimulation
+from octoctrl.sim.rod.layout import Row
 from octoctrl.sim.rotations import rotation_vector
 
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])

@@ -3,10 +3,10 @@
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.arm import MUSCLE_GROUPS
-from octoctrl.sim.plant import Plant
-from octoctrl.sim.rod_layout import STATE_ROWS
-from octoctrl.sim.scene import Scene
+from octoctrl.sim.body.arm import MUSCLE_GROUPS
+from octoctrl.sim.rod.layout import STATE_ROWS
+from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.scene.scene import Scene
 
 
 class Unskipped(Plant):

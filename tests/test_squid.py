@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 
-from octoctrl.sim.assembly import AssemblyPlant, _compiled
-from octoctrl.sim.assembly_constants import ring_connections, stiffness, straight_connections
-from octoctrl.sim.assembly_geometry import assembly_geometry
-from octoctrl.sim.assembly_layout import AssemblyRow as R
-from octoctrl.sim.assembly_layout import SpokeRow
+from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly.geometry import assembly_geometry
+from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.layout import SpokeRow
+from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
+from octoctrl.sim.body.squid import SquidTentacle
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.plant import Plant
-from octoctrl.sim.scene import Scene
-from octoctrl.sim.tentacle import SquidTentacle, Strike
+from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.sources import Strike
 
 TENTACLE = SquidTentacle()
 GEOMETRY = assembly_geometry(TENTACLE)

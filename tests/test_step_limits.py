@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from octoctrl.benchmark_steps import arm_families, arm_is_stable, arm_prediction, bisect, rod_families, rod_is_stable
-from octoctrl.sim.arm import Arm
+from octoctrl.bench.steps import arm_families, arm_is_stable, arm_prediction, bisect, rod_families, rod_is_stable
+from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.plant import LARGEST_STEP, Plant
-from octoctrl.sim.rod import Rod, RodSimulation
-from octoctrl.sim.rod_layout import STATE_ROWS, Row
+from octoctrl.sim.rod.elastic import Rod, RodSimulation
+from octoctrl.sim.rod.layout import STATE_ROWS, Row
+from octoctrl.sim.rod.plant import LARGEST_STEP, Plant
+from octoctrl.sim.rod.step_limits import SHEAR, STRETCH, TWIST
 from octoctrl.sim.rotations import rotation_matrix, rotation_vector
-from octoctrl.sim.step_limits import SAFETY, SHEAR, STRETCH, TWIST
+from octoctrl.sim.running.clock import SAFETY
 
 MATERIAL = {"length": 0.2, "density": 1050.0}
 

@@ -14,11 +14,12 @@ from conftest import coil_execution
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoctrl import store, tasks
-from octoctrl.results import ExecutionStatus
+from octoctrl import tasks
+from octoctrl.carrying.results import ExecutionStatus
+from octoctrl.files import store
+from octoctrl.judging.verification import verify
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.trace import TopologyConvention
-from octoctrl.verification import verify
+from octoctrl.sim.topology.trace import TopologyConvention
 
 
 def same(a, b):
@@ -109,7 +110,9 @@ class Unknown(Enum):
 def test_classes_of_the_user(tmp_path, coil_plan):
     plan = replace(coil_plan, schedule=replace(coil_plan.schedule, primitives=(Nod(level=0.1),)))
     assert store.load(store.save(tmp_path / "p.npz", plan)).schedule.primitives == (Nod(level=0.1),)
-    with pytest.raises(OctoctrlError, match=r"Plan.statistics.key is of type Unknown, which cannot be stored; .* octoctrl.store.register"):
+    with pytest.raises(
+        OctoctrlError, match=r"Plan.statistics.key is of type Unknown, which cannot be stored; .* octoctrl.files.store.register"
+    ):
         store.save(tmp_path / "q.npz", replace(coil_plan, statistics={"key": Unknown.A}))
     assert not (tmp_path / "q.npz").exists()
     with pytest.raises(OctoctrlError, match="a class called 'Plan' can be stored already"):
@@ -140,7 +143,7 @@ import sys
 sys.path.insert(0, {tests!r})
 from dataclasses import replace
 import conftest
-from octoctrl import store
+from octoctrl.files import store
 run = store.load({source!r})
 writer = store.RunWriter({target!r}, period=0.0)
 count = 0

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from octoctrl.sim import topology
-from octoctrl.sim import topology_kernels as kernels
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.trace import TopologyConvention, TopologyTrace
+from octoctrl.sim.topology import measures as topology
+from octoctrl.sim.topology import topology_kernels as kernels
+from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
 
 REST = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # rows d1 = +z, d2 = +x, d3 = +y
 
@@ -483,7 +483,7 @@ def test_bad_input_is_named_in_one_sentence(call, message):
 def test_traces_are_frozen_and_need_no_compiler():
     with pytest.raises(ValueError, match="read-only"):
         dithering_trace().twist[0] = 1.0
-    code = "import sys, octoctrl.sim.trace; sys.exit('numba' in sys.modules or 'octoctrl.sim.topology' in sys.modules)"
+    code = "import sys, octoctrl.sim.topology.trace; sys.exit('numba' in sys.modules or 'octoctrl.sim.topology.measures' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -1,0 +1,1 @@
+"""Benchmarks that anyone can repeat. Imports `carrying` and `judging`."""

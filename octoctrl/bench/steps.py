@@ -1,0 +1,251 @@
+"""Predicted against found step limits: power iteration on one side, bisection over whole runs on the other, for every kind of load."""
+
+import numpy as np
+
+from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
+from octoctrl.sim.errors import PlantUnstableError
+from octoctrl.sim.rod.layout import STATE_ROWS, Row
+from octoctrl.sim.scene.scene import Scene
+
+from .benchmark import Table
+
+SEED = 1e-6
+"""Random velocities (m/s) from which a mode can grow, where symmetry would leave it exactly zero."""
+DURATION = 2.0
+ROUGH = 0.01
+"""Second difference of velocity along the arm, over the largest mean speed of the run, from which on a run counts as unstable."""
+ASTRAY = 0.01
+"""Distance of the final tip from that of a run at small steps, in arm lengths, from which on a run counts as unstable."""
+
+GROUPS = {
+    "LM1": ("LM1",),
+    "LM1, LM2, LM8": ("LM1", "LM2", "LM8"),
+    "all LM": LONGITUDINAL_GROUPS,
+    "R-OM": ("R-OM",),
+    "both OM": ("R-OM", "L-OM"),
+    "TM": ("TM",),
+    "LM and TM": (*LONGITUDINAL_GROUPS, "TM"),
+    "all": MUSCLE_GROUPS,
+}
+
+
+def arm_families():
+    """Loads of the arm by name: activation and scene.
+
+    Returns
+    -------
+    dict of str to (Activation, Scene)
+    """
+    found = {"none": (Activation(), Scene())}
+    for name, groups in GROUPS.items():
+        for level in (0.3, 1.0):
+            found[f"{name} at {level:g}"] = (Activation(templates=(Plateau(groups=groups, level=level, rise=0.5),)), Scene())
+    bend = Activation(templates=(Plateau(groups=("LM1",), level=0.3, rise=0.5),))
+    return found | {"LM1 at 0.3, vacuum": (bend, Scene(water=None)), "LM1 at 0.3, ten times the drag": (bend, Scene.free(factor=10.0))}
+
+
+def stir(rows, n):
+    """Give the free nodes of a rod small random velocities.
+
+    Parameters
+    ----------
+    rows : (rows, stride) float64
+    n : int
+        Elements.
+    """
+    free = rows[Row.NODE_MOBILITY, 1 : n + 2] > 0
+    rows[Row.V1 : Row.V3 + 1, 1 : n + 2] += SEED * free * np.random.default_rng(2).normal(size=(3, n + 1))
+
+
+def arm_prediction(activation, scene, instants=20):
+    """Step limits of an arm along its motion under a load.
+
+    Parameters
+    ----------
+    activation : Activation
+    scene : Scene
+    instants : int
+        At which the limit is predicted.
+
+    Returns
+    -------
+    rest, lowest : StepLimit
+        At rest, and the smallest of the motion.
+    tip : (3,) float64, m
+        At the end.
+    """
+    from octoctrl.sim.rod.plant import Plant
+
+    plant = Plant(scene=scene, dt=1e-4)
+    limits = [plant.limit]
+    for _ in range(instants):
+        plant.advance(activation, DURATION / instants)
+        limits.append(plant.step_limit(activation.levels(np.array([plant.time]), plant.edges)[0]))
+    return limits[0], min(limits, key=lambda limit: limit.step), plant.observe().points[-1]
+
+
+def arm_is_stable(h, activation, scene, tip, steps=10):
+    """Whether an arm comes through a load at the step h, with the tip where it should be and without chatter.
+
+    Parameters
+    ----------
+    h : float, s
+    activation : Activation
+    scene : Scene
+    tip : (3,) float64, m
+        Where the run should end.
+    steps : int
+        In each sample.
+
+    Returns
+    -------
+    bool
+    """
+    from octoctrl.sim.rod.plant import Plant
+
+    plant = Plant(scene=scene, sample_interval=steps * h)
+    plant.set_steps(steps)
+    stir(plant.rows, plant.elements)
+
+    def velocities():
+        return plant.rows[Row.V1 : Row.V3 + 1, 1 : plant.elements + 2].T
+
+    peak, count = SEED, round(DURATION / plant.sample_interval)
+    try:
+        for _ in range(4):
+            plant.advance(activation, max(1, count // 4) * plant.sample_interval)
+            peak = max(peak, np.linalg.norm(velocities(), axis=1).mean())
+    except PlantUnstableError:
+        return False
+    rough = np.linalg.norm(np.diff(velocities(), 2, axis=0), axis=1).mean() / peak
+    away = np.linalg.norm(plant.observe().points[-1] - tip) / plant.arm.length
+    # An arm that never moved keeps nothing but its seed, which is rough.
+    return bool(away < ASTRAY and (rough < ROUGH or peak < 2 * SEED))
+
+
+def rod_families():
+    """Elastic rods of which each stresses one mechanism, at rest, stretched and bent, ready to be advanced.
+
+    Returns
+    -------
+    dict of str to RodSimulation
+    """
+    from octoctrl.sim.rod.elastic import Rod, RodSimulation
+
+    def rod(radius=0.01, young=1e5, shear=4e4, coefficient=0.9, elements=40, fibres=1.0, **load):
+        sim = RodSimulation(
+            Rod.straight(
+                length=0.2, radius=radius, elements=elements, density=1050.0, youngs_modulus=young, shear_modulus=shear,
+                shear_coefficient=coefficient, support="clamped", damping=20.0,
+            )
+        )  # fmt: skip
+        # Stiff fibres along the axis: in a homogeneous rod sections turn at least as fast as they stretch.
+        sim.rows[Row.AXIAL] *= fibres
+        sim.limit = sim.step_limit()
+        sim.load(**load)
+        if load:
+            sim.dt = 0.3 * sim.limit.step
+            sim.advance(3.0)
+        return sim
+
+    return {
+        "rod, stretch": rod(fibres=10.0),
+        "rod, twist": rod(shear=2e5, coefficient=0.02),
+        "rod, shear": rod(radius=0.02, elements=20),
+        "rod, bending": rod(radius=0.004, young=1e6, shear=4e5),
+        "rod, stretched": rod(radius=0.004, tip_force=(0.0, 1.25, 0.0)),
+        "rod, bent round": rod(radius=0.004, tip_couple=(0.0, 0.0, 5e-4)),
+    }
+
+
+def rod_is_stable(sim, h, steps=4000):
+    """Whether a rod stays where it is at the step h.
+
+    Parameters
+    ----------
+    sim : RodSimulation
+        It is left as found.
+    h : float, s
+    steps : int
+
+    Returns
+    -------
+    bool
+    """
+    good, time, dt = sim.rows[:STATE_ROWS].copy(), sim.time, sim.dt
+    before = np.abs(sim.velocities).max()
+    stir(sim.rows, sim.elements)
+    sim.dt = h
+    try:
+        sim.advance(steps * h)
+        return bool(np.abs(sim.velocities).max() < 100 * SEED + 10 * before)
+    except PlantUnstableError:
+        return False
+    finally:
+        sim.rows[:STATE_ROWS], sim.time, sim.dt = good, time, dt
+
+
+def bisect(stable, guess, tolerance=0.02):
+    """Largest stable step, between a quarter and four times a guess.
+
+    Parameters
+    ----------
+    stable : callable
+        ``stable(h)`` -> bool.
+    guess : float, s
+    tolerance : float
+
+    Returns
+    -------
+    float, s
+        The quarter if nothing is stable, four times the guess if everything is.
+    """
+    low, high = guess / 4, guess * 4
+    for factor in (0.8, 1.25):
+        if stable(factor * guess):
+            low = factor * guess
+        else:
+            high = min(high, factor * guess)
+    while high / low > 1 + tolerance:
+        middle = np.sqrt(low * high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return float(low)
+
+
+def steps(*, full=False):
+    """Predicted against found step limits.
+
+    Parameters
+    ----------
+    full : bool
+        Makes no difference.
+
+    Returns
+    -------
+    Table
+    """
+    from octoctrl.sim.plants import warmup
+    from octoctrl.sim.rod.plant import Plant
+
+    warmup()
+    rows = []
+    for name, sim in rod_families().items():
+        limit = sim.step_limit()
+        found = bisect(lambda h, sim=sim: rod_is_stable(sim, h), limit.step)
+        rows.append(
+            (name, 1e3 * sim.limit.step, 1e3 * limit.step, limit.mechanism, 1e3 * found, limit.step / found, 0.8 * sim.limit.step / found)
+        )
+    for name, (activation, scene) in arm_families().items():
+        rest, lowest, tip = arm_prediction(activation, scene)
+        found = bisect(lambda h, load=(activation, scene, tip): arm_is_stable(h, *load), lowest.step)
+        auto = Plant(scene=scene).h
+        rows.append((name, 1e3 * rest.step, 1e3 * lowest.step, lowest.mechanism, 1e3 * found, lowest.step / found, auto / found))
+    return Table(
+        name="steps", title="Largest stable step: predicted and found", rows=tuple(rows),
+        columns=("load", "at rest, ms", "lowest of the motion, ms", "mechanism", "found, ms", "lowest / found", "auto / found"),
+        formats=("", ".3f", ".3f", "", ".3f", ".2f", ".2f"),
+        note="Predicted by power iteration on the compiled step, at rest and in twenty states of the motion; found by bisection of whole "
+        "runs (2 s of the arm, 4000 steps of a rod) from small random velocities: the largest step at which a run neither stops nor "
+        "chatters nor ends elsewhere. The last column is the step of dt=\"auto\", which divides the sample interval, over the found limit.",
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Planning, identifying and carrying out. Imports `files`."""

@@ -1,0 +1,143 @@
+"""Fit the reduced model of an arm to runs of its plant."""
+
+from pathlib import Path
+
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.plants import MODELLED_AS, check_plant, make_plant, warmup
+from octoctrl.sim.scene.scene import Scene
+
+from ..files.store import check_target
+from ..progress import NullProgress
+
+LEAST_RUN, LOST = 0.5, 0.2
+"""Shortest stretch of a programme that is used, and the stretch before a divergence that is not, s."""
+
+
+def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, laws="known", progress=None):
+    """Move the plant through a few short programmes and fit the reduced model to what it does.
+
+    Parameters
+    ----------
+    arm : Arm, optional
+        The octopus arm if omitted.
+    scene : Scene, optional
+        Its water is used.
+    plant : {"rod", "assembly", "assembly-coarse"}
+        What is moved; the full arm takes some three minutes.
+    path : str or Path, optional
+        Where to keep the model (.json), to be passed to `plan`.
+    overwrite : bool
+        Whether an existing file may be replaced.
+    laws : {"known", "generic"}
+        The plant's own muscle curves, or simpler ones whose shape is fitted too.
+    progress : Progress, optional
+
+    Returns
+    -------
+    IdentifiedModel
+
+    Raises
+    ------
+    OctoctrlError
+        If the file exists or its suffix is unknown.
+    PlantUnstableError
+        If the plant diverges within the first `LEAST_RUN` seconds of a programme. A later divergence cuts that programme short, which
+        ``statistics["cut_short"]`` says.
+    """
+    from octoctrl.planners.fitting import identification
+
+    if path is not None:
+        path = check_target(path, overwrite=overwrite, suffixes=(".json",))
+    arm, scene = arm or Arm.octopus(), scene or Scene()
+    display = progress or NullProgress()
+    warmup(plant, progress)
+    runs = identification.experiments(arm, MODELLED_AS[plant])
+    recordings, cut_short, done = [], {}, 0.0
+    display.start("running the plant", sum(duration for _, _, duration in runs))
+    try:
+        for name, activation, duration in runs:
+            moved = make_plant(plant, arm, scene)
+            try:
+                recording = moved.advance(
+                    activation, duration, progress=lambda now, done=done, name=name: display.advance(done + now, name)
+                )
+                if not recording.complete:
+                    raise KeyboardInterrupt
+            except PlantUnstableError as error:
+                if error.time < LEAST_RUN:
+                    raise
+                recording, cut_short[name] = error.recording.until(error.time - LOST), str(error)
+            recordings.append((activation, recording))
+            done += duration
+        display.start(f"fitting {laws} laws to {len(recordings)} runs")
+        found = identification.identify(recordings, arm, scene, laws=laws, plant=MODELLED_AS[plant])
+    finally:
+        display.stop()
+    found.statistics["cut_short"] = cut_short
+    if path is not None:
+        found.save(path)
+    return found
+
+
+def load_model(model, arm, scene, plant="rod"):
+    """The identified model that belongs to an arm.
+
+    Parameters
+    ----------
+    model : str, Path, IdentifiedModel or None
+        A file written by `identify`, such a model, or None for the one that comes with octoctrl.
+    arm : Arm
+    scene : Scene
+    plant : {"rod", "assembly", "assembly-coarse"}
+        What the model should describe.
+
+    Returns
+    -------
+    IdentifiedModel
+
+    Raises
+    ------
+    OctoctrlError
+        If there is no such file, or the model belongs to another arm or plant.
+    """
+    from octoctrl.planners.fitting import identification
+
+    check_plant(plant)
+    plant = MODELLED_AS[plant]
+    if model is None:
+        return identification.load_identified(arm, scene, plant=plant)
+    if isinstance(model, str | Path):
+        if not Path(model).is_file():
+            raise OctoctrlError(f"{model} does not exist; make one with: octoctrl identify -o {Path(model).name}")
+        name, model = model, identification.IdentifiedModel.load(model, arm, scene)
+    else:
+        name = "the model"
+    if model.plant != plant:
+        raise OctoctrlError(
+            f"{name} was identified on the plant '{model.plant}', the plan is for '{plant}'; plan for '{model.plant}' or identify again"
+        )
+    return model
+
+
+def identification_text(found):
+    """Write an identified model as a table.
+
+    Parameters
+    ----------
+    found : IdentifiedModel
+
+    Returns
+    -------
+    str
+    """
+    from ..tables import table
+
+    model = found.model
+    rows = [(name, f"{getattr(model.parameters, name):.4f}", f"{deviation:.4f}") for name, deviation in found.deviations.items()]
+    fitted = f"plant {found.plant}, {model.laws} laws, {model.sections} sections"
+    lines = [f"reduced model of arm {model.arm.name} ({found.fingerprint}), {fitted}"]
+    lines += table(("factor", "value", "deviation"), rows)
+    lines.append(f" residual rms {found.residual_rms:.4f}")
+    lines += [f" cut short: '{name}', {message}" for name, message in found.statistics.get("cut_short", {}).items()]
+    return "\n".join(lines)

@@ -1,0 +1,257 @@
+"""The doctor: whether the installation is sound, and what a task needs, what is left out for it, and how long it will run."""
+
+import os
+import platform
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from octoctrl import __version__
+from octoctrl.sim.body.arm import MUSCLE_GROUPS
+from octoctrl.sim.errors import OctoctrlError
+
+TIP = (0.0010519501, 0.1969863938, 0.0)
+"""Where the default arm's tip stands after 0.1 s of LM1 at 0.3, m: x towards LM1, y along the arm."""
+TIP_TOLERANCE = 1e-8
+"""Rounding differs between processors; nothing else does."""
+
+STRETCH = 0.05
+"""Simulated time that is timed to foresee a run, s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """Lines of a diagnosis.
+
+    Attributes
+    ----------
+    title : str
+    rows : tuple of (str, str, str)
+        What, what was found, and a mark: "well", "NOT WELL", "needed", "left out" or nothing.
+    """
+
+    title: str
+    rows: tuple[tuple[str, str, str], ...]
+
+    @property
+    def sound(self):
+        """Whether nothing is wrong."""
+        return all(mark != "NOT WELL" for *_, mark in self.rows)
+
+    def __str__(self):
+        width, marks = max(len(what) for what, *_ in self.rows), max(len(mark) for *_, mark in self.rows)
+        return "\n".join([self.title, *(f" {what:{width}}   {mark:{marks}}   {found}".rstrip() for what, found, mark in self.rows)])
+
+    def content(self):
+        """The lines as plain data, a dict."""
+        return {what: {"found": found, "mark": mark} for what, found, mark in self.rows}
+
+
+def installation():
+    """Check versions, cache of compiled code, solver and plant.
+
+    Returns
+    -------
+    Findings
+    """
+    versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "numba", "casadi", "scipy", "control", "matplotlib"))
+    rows = [
+        ("octoctrl", f"{__version__}, Python {platform.python_version()}, {platform.system()}", "well"),
+        ("libraries", versions, "well"),
+        ("processor", f"{os.cpu_count()} cores; one arm runs on one, a batch on all", "well"),
+    ]
+    for what, check in (("compiled code", _cache), ("solver", _solver), ("plant", _plant)):
+        try:
+            rows.append((what, check(), "well"))
+        except Exception as error:
+            rows.append((what, f"{type(error).__name__}: {error}", "NOT WELL"))
+    return Findings(title="Installation", rows=tuple(rows))
+
+
+def compiled():
+    """Which plants are compiled and on disk.
+
+    Returns
+    -------
+    dict of str to bool
+    """
+    from octoctrl.sim.rod.elastic_kernels import angle_over_sine
+
+    folder = Path(angle_over_sine.stats.cache_path)
+    return {
+        "rod": any(folder.glob("stepping.muscular_stepper*advance*.nbc")),
+        "assembly": any(folder.glob("assembly_stepping*advance*.nbc")),
+    }
+
+
+def _cache():
+    from octoctrl.sim.rod.elastic_kernels import angle_over_sine
+
+    folder = angle_over_sine.stats.cache_path
+    if folder is None or not os.access(folder, os.W_OK):
+        raise OctoctrlError("no folder for compiled code can be written, so that every start compiles; set NUMBA_CACHE_DIR to one that can")
+    state = [f"{name} {'kept on disk' if done else f'not yet (octoctrl warmup --plant {name})'}" for name, done in compiled().items()]
+    return f"folder can be written; {', '.join(state)}"
+
+
+def _solver():
+    import casadi as ca
+
+    x = ca.SX.sym("x", 5)
+    problem = {"x": x, "f": ca.sumsqr(x[1:] - x[:-1]), "g": ca.vertcat(x[0], x[-1])}
+    solver = ca.nlpsol("solver", "ipopt", problem, {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"})
+    found = np.asarray(solver(x0=0, lbg=[0, 1], ubg=[0, 1])["x"]).ravel()
+    if not np.allclose(found, np.linspace(0, 1, 5), atol=1e-6):
+        raise OctoctrlError("IPOPT does not solve a problem of five nodes; reinstall casadi")
+    return "IPOPT solves a problem of five nodes"
+
+
+def _plant():
+    from octoctrl.sim.activation import Activation, Plateau
+    from octoctrl.sim.rod.plant import Plant
+
+    plant = Plant()
+    plant.advance(Activation(templates=(Plateau(groups=("LM1",), level=0.3),)), 0.1)
+    away = float(np.abs(plant.observe().points[-1] - TIP).max())
+    if not away < TIP_TOLERANCE:
+        raise OctoctrlError(
+            f"after 0.1 s the tip is {1e3 * away:.2g} mm from where it should be; delete the cache of compiled code and try again"
+        )
+    return f"0.1 s of motion end within {1e9 * TIP_TOLERANCE:.0f} nm of the stored place"
+
+
+def needs(configuration):
+    """Say what a task needs, what is left out for it, which step binds, and how long a run will take.
+
+    Parameters
+    ----------
+    configuration : Configuration
+
+    Returns
+    -------
+    Findings
+    """
+    from octoctrl.sim.plants import PLANTS, make_plant
+
+    task, name = configuration.task, configuration.run.plant
+    activation, duration = _guess(task)
+    plant = make_plant(name, configuration.arm, configuration.scene)
+    rows = [("plant", f"{name}: {PLANTS[name]}", "needed"), *_features(plant, activation.groups)]
+    rows += [("step", step_text(plant), ""), ("run time", _run_time(plant, activation, duration), "")]
+    return Findings(title=f"Task '{task.name}'", rows=tuple(rows))
+
+
+def _guess(task):
+    """Activation and duration of a task at the numbers with which planning starts."""
+    from octoctrl.planners.asking.schedule import Schedule
+
+    begins, duration = {}, 0.0
+    for phase in task.phases:
+        begins[phase.name], duration = duration, duration + phase.duration
+    return Schedule(primitives=tuple(drive.at(begins, {}) for drive in task.drives), duration=duration).activation(), duration
+
+
+def _features(plant, groups):
+    """Lines on what is computed and what not."""
+    full, water = plant.model != "rod", plant.scene.water
+    resting = tuple(group for group in MUSCLE_GROUPS if group not in groups)
+    every = 1e3 * plant.record_every * plant.sample_interval
+    rows = [("muscles", f"{', '.join(groups) or 'none'}: active law while they pull", "needed")]
+    if resting and full:
+        rows.append(("muscles at rest", f"{', '.join(resting)}: evaluated with the others of their family", "needed"))
+    elif resting:
+        rows.append(("muscles at rest", f"{', '.join(resting)}: passive stress, no active law", "left out"))
+    if water is None or water.factor == 0:
+        rows.append(("water", "a vacuum: no drag", "left out"))
+    else:
+        rows.append(("water", f"quadratic and linear drag, factor {water.factor:g}", "needed"))
+    if not full:
+        rows.append(("rings, helices, cord", "lumped into the section of one rod", "left out"))
+    nothing = "no such code: costs nothing and hinders nothing"
+    return [
+        *rows,
+        ("contact, friction", f"obstacles and objects: {nothing}", "left out"),
+        ("self-contact", f"{'between sections of the arm: ' if full else ''}{nothing}; crossings are counted", "left out"),
+        ("third dimension", "always computed", "needed"),
+        ("recording", f"points, frames, stretch, levels every {every:g} ms; no energies", "needed"),
+    ]
+
+
+def step_text(plant):
+    """The step in use, against the predicted limit, with the reason for it.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Returns
+    -------
+    str
+    """
+    from octoctrl.sim.rod.plant import LARGEST_STEP
+    from octoctrl.sim.running.clock import SAFETY
+
+    limit, share = plant.limit, plant.h / plant.limit.step
+    if plant.model != "rod":
+        return f"{1e3 * plant.h:.3g} ms; the largest allowed is {1e3 * limit.step:.3g} ms ({limit.mechanism})"
+    if plant.sample_interval < SAFETY * limit.step:
+        reason = f"one per sample of {1e3 * plant.sample_interval:g} ms"
+    elif SAFETY * limit.step > LARGEST_STEP:
+        reason = f"held at {1e3 * LARGEST_STEP:g} ms, which the onset of muscles needs"
+    else:
+        reason = f"{SAFETY:g} of it in whole steps per sample"
+    where = f"{limit.mechanism}, element {limit.element + 1} of {plant.elements}"
+    return f"{1e3 * plant.h:.3g} ms; predicted limit {1e3 * limit.step:.3g} ms ({where}); {share:.2f} of it: {reason}"
+
+
+def _run_time(plant, activation, duration):
+    """What a run of `duration` will take, from a short stretch of it."""
+    from .tables import fastest
+
+    if plant.model != "rod" and not compiled()["assembly"]:
+        return "not known before it is compiled: octoctrl warmup --plant assembly"
+    stretch = STRETCH if plant.model == "rod" else plant.sample_interval
+    plant.advance(activation, stretch)
+    spent, _ = fastest(lambda: plant.advance(activation, stretch), 5 if plant.model == "rod" else 1)
+    return f"about {spent / stretch * duration:.2g} s for {duration:.3g} s of motion ({stretch / spent:.2g} x real time), without feedback"
+
+
+def plan_header(configuration):
+    """One line on what a plan takes into account.
+
+    Parameters
+    ----------
+    configuration : Configuration
+
+    Returns
+    -------
+    str
+    """
+    activation, duration = _guess(configuration.task)
+    drag = "no drag" if configuration.scene.water is None else "drag"
+    return (
+        f"reduced model: {len(activation.groups)} of {len(MUSCLE_GROUPS)} muscle groups, {drag}, no inertia, no contact; "
+        f"{len(configuration.task.phases)} phases, {duration:.3g} s at first"
+    )
+
+
+def header(plant, groups):
+    """One line on what a run computes.
+
+    Parameters
+    ----------
+    plant : Plant
+    groups : tuple of str
+        Active muscle groups.
+
+    Returns
+    -------
+    str
+    """
+    water = plant.scene.water is not None and plant.scene.water.factor > 0
+    return (
+        f"{plant.model} plant: {len(groups)} of {len(MUSCLE_GROUPS)} muscle groups active, {'drag' if water else 'no drag'}, no contact; "
+        f"step {1e3 * plant.h:.3g} ms, {plant.h / plant.limit.step:.2f} of the limit ({plant.limit.mechanism})"
+    )

@@ -1,0 +1,315 @@
+"""Plans, executions, recordings and traces as .npz files without pickle.
+
+A file is a NumPy archive: the member ``header`` is JSON (what the file holds, with which versions and by which command it was made, and
+the object as a tree), every array of the object is a member of its own. Files are written beside their place and moved into it, so that
+a file is always either the old one or the new one, whatever kills the writer.
+"""
+
+import contextlib
+import importlib
+import json
+import os
+import sys
+import time
+import zipfile
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from octoctrl.sim.errors import OctoctrlError
+
+SCHEMA = 1
+"""Version of the file format that this program writes."""
+OLDEST_SCHEMA = 1
+
+_HOMES = {
+    "octoctrl.sim.body.arm": ("Arm", "LumpedSection"),
+    "octoctrl.sim.body.muscles": ("MuscleLaw",),
+    "octoctrl.sim.scene.scene": ("Scene", "Water"),
+    "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
+    "octoctrl.sim.running.recording": ("Recording",),
+    "octoctrl.sim.topology.trace": ("TopologyTrace", "TopologyConvention"),
+    "octoctrl.planners.asking.schedule": ("Bend", "BendWave", "Elongate", "Schedule", "Shorten", "Twist"),
+    "octoctrl.planners.asking.task": ("Drive", "Goal", "Phase", "Task"),
+    "octoctrl.planners.solving.plan": ("Plan", "PlanStatus"),
+    "octoctrl.carrying.results": ("Check", "Event", "Execution", "ExecutionStatus", "Verdict"),
+    "octoctrl.files.configuration": ("Configuration", "PlanSettings", "RunSettings"),
+}
+_HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
+_REGISTERED: dict[str, type] = {}
+
+
+def register(kind):
+    """Let files hold objects of a dataclass or enum of the user's own; usable as a decorator.
+
+    Parameters
+    ----------
+    kind : type
+
+    Returns
+    -------
+    type
+        The same.
+
+    Raises
+    ------
+    OctoctrlError
+        If the name is taken, or the class is neither.
+    """
+    name = kind.__name__
+    if name in _HOME_OF or _REGISTERED.get(name, kind) is not kind:
+        raise OctoctrlError(f"a class called '{name}' can be stored already; choose another name")
+    if not is_dataclass(kind) and not issubclass(kind, Enum):
+        raise OctoctrlError(f"{name} is neither a dataclass nor an enum; only those can be stored")
+    _REGISTERED[name] = kind
+    return kind
+
+
+def save(path, item, *, overwrite=False, origin=None):
+    """Write an object to a .npz file.
+
+    Parameters
+    ----------
+    path : str or Path
+    item : Plan, Execution, Recording, TopologyTrace or any of the objects they are made of
+    overwrite : bool
+        Whether an existing file may be replaced.
+    origin : dict of str to str, optional
+        What the header should say besides versions and command, such as the configuration.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    OctoctrlError
+        If the suffix is unknown, the file exists, or the object holds something that cannot be stored.
+    """
+    path = check_target(path, overwrite=overwrite)
+    arrays = {}
+    header = {
+        "schema": SCHEMA,
+        "content": type(item).__name__,
+        "versions": _versions(),
+        "argv": sys.argv,
+        "origin": dict(origin or {}),
+        "object": _encode(item, arrays, type(item).__name__),
+    }
+    text = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with open(part, "wb") as file:
+            np.savez(file, allow_pickle=False, header=text, **arrays)
+        os.replace(part, path)
+    except OSError as error:
+        raise OctoctrlError(f"{path} cannot be written: {error.strerror}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink()
+    return path
+
+
+def load(path, *, expect=None):
+    """Read an object from a .npz file.
+
+    Parameters
+    ----------
+    path : str or Path
+    expect : str, optional
+        Name of the class that the file should hold.
+
+    Returns
+    -------
+    object
+
+    Raises
+    ------
+    OctoctrlError
+        If the file does not exist, is not one of ours, is newer than this program, or holds something else.
+    """
+    path, header, arrays = _open(path)
+    if expect is not None and header["content"] != expect:
+        advice = {"Plan": "make one with: octoctrl plan", "Execution": "make one with: octoctrl run"}.get(expect, "")
+        names = {"Plan": "a plan", "Execution": "a run"}
+        held, wanted = (names.get(name, f"'{name}'") for name in (header["content"], expect))
+        raise OctoctrlError(f"{path} holds {held}, not {wanted}{'; ' + advice if advice else ''}")
+    return _decode(header["object"], arrays)
+
+
+def read_header(path):
+    """Read what a file says of itself: schema, content, versions, argv, origin.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    dict
+    """
+    _, header, _ = _open(path)
+    return {key: value for key, value in header.items() if key != "object"}
+
+
+def check_target(path, *, overwrite=False, suffixes=(".npz",)):
+    """Check a path that is to be written, before the work is done.
+
+    Parameters
+    ----------
+    path : str or Path
+    overwrite : bool
+    suffixes : tuple of str
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    OctoctrlError
+        If the suffix is unknown, the folder is missing, or the file exists and may not be replaced.
+    """
+    path = Path(path)
+    if path.suffix not in suffixes:
+        raise OctoctrlError(f"unknown format '{path.suffix}'; use {' or '.join(suffixes)}")
+    if path.exists() and not overwrite:
+        raise OctoctrlError(f"{path.name} exists; use -f to replace")
+    if not path.parent.is_dir():
+        raise OctoctrlError(f"folder {path.parent} does not exist; make it first")
+    return path
+
+
+class RunWriter:
+    """Keep a file up to date while a run goes on.
+
+    A writer is called with the object so far, as often as there is news; at most once per `period` of wall time it replaces the file.
+
+    Parameters
+    ----------
+    path : str or Path
+    overwrite : bool
+        Whether a file that exists at the start may be replaced.
+    period : float, s
+    origin : dict of str to str, optional
+        For the header; see `save`.
+    """
+
+    def __init__(self, path, *, overwrite=False, period=1.0, origin=None):
+        self.path = check_target(path, overwrite=overwrite)
+        self.period = period
+        self.origin = origin
+        self._next = 0.0
+
+    def __call__(self, item):
+        """Write `item` if the last writing is long enough ago; slow disks are given at most a tenth of the time."""
+        began = time.monotonic()
+        if began < self._next:
+            return
+        save(self.path, item, overwrite=True, origin=self.origin)
+        took = time.monotonic() - began
+        self._next = began + took + max(self.period, 9 * took)
+
+    def close(self, item):
+        """Write `item` for good and return the path."""
+        return save(self.path, item, overwrite=True, origin=self.origin)
+
+
+def _open(path):
+    path = Path(path)
+    if path.suffix != ".npz":
+        raise OctoctrlError(f"unknown format '{path.suffix}'; use .npz")
+    if not path.is_file():
+        raise OctoctrlError(f"{path} does not exist")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        header = json.loads(arrays.pop("header").tobytes())
+        schema = header["schema"]
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        raise OctoctrlError(f"{path} is not a file of octoctrl, or is damaged") from None
+    if not OLDEST_SCHEMA <= schema <= SCHEMA:
+        reads = str(SCHEMA) if OLDEST_SCHEMA == SCHEMA else f"{OLDEST_SCHEMA} to {SCHEMA}"
+        raise OctoctrlError(f"file has schema {schema}, this octoctrl reads {reads}: pip install -U octoctrl")
+    return path, header, arrays
+
+
+def _versions():
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {"python": ".".join(map(str, sys.version_info[:3]))}
+    for name in ("octoctrl", "numpy", "numba", "casadi", "control"):
+        with contextlib.suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
+
+
+def _class(name):
+    if name in _REGISTERED:
+        return _REGISTERED[name]
+    if name not in _HOME_OF:
+        raise OctoctrlError(
+            f"the file holds a '{name}', which this program does not know; call octoctrl.files.store.register({name}) first"
+        )
+    return getattr(importlib.import_module(_HOME_OF[name]), name)
+
+
+def _encode(item, arrays, place):
+    """Turn an object into a JSON tree; arrays go to `arrays`, by place."""
+    name = type(item).__name__
+    if item is None or isinstance(item, bool | str):
+        return item
+    if isinstance(item, np.ndarray) and item.dtype != object:
+        arrays[place] = item
+        return {"array": place}
+    if isinstance(item, np.generic):
+        item = item.item()
+    if isinstance(item, int) and not isinstance(item, Enum):
+        return item
+    if isinstance(item, float):
+        return item if isfinite(item) else {"float": str(item)}
+    if isinstance(item, list):
+        return [_encode(inner, arrays, f"{place}[{index}]") for index, inner in enumerate(item)]
+    if type(item) is tuple:
+        return {"tuple": [_encode(inner, arrays, f"{place}[{index}]") for index, inner in enumerate(item)]}
+    if isinstance(item, dict):
+        return {"dict": [[_encode(key, arrays, place), _encode(inner, arrays, f"{place}.{key}")] for key, inner in item.items()]}
+    known = name in _HOME_OF or name in _REGISTERED
+    if known and isinstance(item, Enum) and type(item) is _class(name):
+        return {"enum": name, "name": item.name}
+    if known and is_dataclass(item) and type(item) is _class(name):
+        return {
+            "type": name,
+            "fields": {entry.name: _encode(getattr(item, entry.name), arrays, f"{place}.{entry.name}") for entry in fields(item)},
+        }
+    raise OctoctrlError(
+        f"{place} is of type {name}, which cannot be stored; a dataclass of your own needs octoctrl.files.store.register({name}) first"
+    )
+
+
+def _decode(tree, arrays):
+    if isinstance(tree, list):
+        return [_decode(inner, arrays) for inner in tree]
+    if not isinstance(tree, dict):
+        return tree
+    if "array" in tree:
+        return arrays[tree["array"]]
+    if "float" in tree:
+        return float(tree["float"])
+    if "tuple" in tree:
+        return tuple(_decode(inner, arrays) for inner in tree["tuple"])
+    if "dict" in tree:
+        return {_decode(key, arrays): _decode(inner, arrays) for key, inner in tree["dict"]}
+    if "enum" in tree:
+        return _class(tree["enum"])[tree["name"]]
+    kind = _class(tree["type"])
+    values = {name: _decode(inner, arrays) for name, inner in tree["fields"].items()}
+    made = kind(**values)
+    for name, value in values.items():
+        # A constructor may normalise what it is given, and a second time to other last digits; what was stored is what counts.
+        if not isinstance(value, np.ndarray):
+            object.__setattr__(made, name, value)
+    return made

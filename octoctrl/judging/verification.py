@@ -1,0 +1,107 @@
+"""The verdict: what was planned against what the plant did, check by check.
+
+Nothing here is predicted: every value is measured on the plant's recording, by the formula that also made the planned trace.
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from ..carrying.results import Check, Verdict
+from .comparison import level_delays, planned_points, rms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Limits of a verdict; the tolerances of the goals are the task's.
+
+    Attributes
+    ----------
+    writhe_rms, writhe_max : float, turns
+        Error of lifted writhe against the plan, over the run.
+    twist_rms : float, turns
+        Error of twist against the plan, over the run.
+    level_time : float, s
+        Difference of the times at which plan and plant pass from one phase's level to the next.
+    crossings : int
+        Difference of the net number of self-crossings.
+    link_residual : float, turns
+        Link minus (writhe + twist): two independent measurements of one thing.
+    activation : float
+        Largest level.
+    tip_rms : float, arm lengths
+        Distance of the tip from the planned one.
+    """
+
+    writhe_rms: float = 0.05
+    writhe_max: float = 0.15
+    twist_rms: float = 0.05
+    level_time: float = 0.3
+    crossings: int = 0
+    link_residual: float = 0.02
+    activation: float = 1.0
+    tip_rms: float = 0.08
+
+
+def verify(execution, *, limits=None, strict=False):
+    """Check an execution against its plan and its task.
+
+    Parameters
+    ----------
+    execution : Execution
+    limits : Limits, optional
+    strict : bool
+        Whether a failed check raises.
+
+    Returns
+    -------
+    Verdict
+        Goals first, then errors of the traces, then health of the simulation.
+
+    Raises
+    ------
+    VerificationFailedError
+        If `strict` and a check failed.
+    """
+    limits = Limits() if limits is None else limits
+    measured, planned = execution.trace, execution.planned
+    writhe = measured.lifted_writhe - planned.lifted_writhe
+    twist = measured.twist - planned.twist
+    crossings = abs(int(measured.net_crossings()[-1]) - int(planned.net_crossings()[-1]))
+    unfinished = len(execution.plan.task.phases) - len(execution.events)
+    checks = [
+        _check("unfinished_phases", unfinished, 0),
+        *_goal_checks(execution),
+        _check("writhe_rms", rms(writhe), limits.writhe_rms, "turns"),
+        _check("writhe_max", np.abs(writhe).max(), limits.writhe_max, "turns"),
+        _check("twist_rms", rms(twist), limits.twist_rms, "turns"),
+        _check("crossings", crossings, limits.crossings),
+        _check("level_time", max(level_delays(execution).values(), default=0.0), limits.level_time, "s"),
+        _check("link_residual", np.abs(measured.residual).max(), limits.link_residual, "turns"),
+        _check("activation", execution.recording.levels.max(initial=0.0), limits.activation),
+    ]
+    points = planned_points(execution.plan, execution.recording.time)
+    if points is not None:
+        distance = np.linalg.norm(execution.recording.tip - points[:, -1], axis=1) / execution.plan.arm.length
+        checks.append(_check("tip_rms", rms(distance), limits.tip_rms, "lengths"))
+    verdict = Verdict(checks=tuple(checks))
+    return verdict.raise_if_failed() if strict else verdict
+
+
+def _goal_checks(execution):
+    ends = {event.phase: event.actual for event in execution.events}
+    lengths = execution.recording.length
+    for phase in execution.plan.task.phases:
+        for goal in phase.goals:
+            name, unit = f"{phase.name}.{goal.quantity}", "m" if goal.quantity == "length" else "turns"
+            if phase.name not in ends:
+                yield _check(name, inf, goal.tolerance, unit)
+                continue
+            series = lengths if goal.quantity == "length" else getattr(execution.trace, goal.quantity)
+            value = np.interp(ends[phase.name], execution.recording.time, series)
+            yield _check(name, abs(value - goal.value), goal.tolerance, unit)
+
+
+def _check(name, value, limit, unit=""):
+    return Check(name=name, value=float(value), limit=float(limit), passed=bool(value <= limit), unit=unit)

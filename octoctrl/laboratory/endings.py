@@ -1,0 +1,245 @@
+"""One run of the stability laboratory and its verdict: accurate, refused beforehand, stopped with the reason, or an undetected failure."""
+
+import tempfile
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from time import thread_time
+
+import numpy as np
+
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.plants import make_plant
+
+from . import checks
+from .trials import ASSEMBLY_KINDS
+
+TOLERANCE = 0.01
+"""Distance of the tip from that of a run at half the step, rms over time and over the arm's length, up to which a run is accurate."""
+COMPARED = 5
+"""One in so many finished runs is compared with one at half the step."""
+PERTURBATION = 1e-6
+"""Initial displacement of the nodes, over the arm's length, with which the sensitivity of a motion is probed."""
+SENSITIVE = 100.0
+"""Growth of that displacement from which no step could be expected to give the same motion."""
+
+
+SAME_TIME = 0.1
+"""Two runs stop at the same time if their times differ by less than this share."""
+
+
+class Verdict(Enum):
+    """How a run of the laboratory ended; the value is the heading of its column."""
+
+    ACCURATE = "accurate"
+    FINISHED = "finished, all checks passed"
+    SENSITIVE = "depends on everything"
+    INACCURATE = "depends on the step"
+    REFUSED = "refused beforehand"
+    LIMIT = "stopped: beyond the model"
+    UNSTABLE = "stopped: unstable step"
+    UNDETECTED = "UNDETECTED"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What became of a trial.
+
+    Attributes
+    ----------
+    kind : str
+    number : int
+    verdict : str
+        Name of a `Verdict`.
+    reason : str
+        For all but finished runs, one sentence.
+    automatic : bool
+        Whether the step was chosen by ``dt="auto"``.
+    error : float or None
+        Distance of the tip from that at half the step, rms over the arm's length.
+    again : bool or None
+        Of a stopped run: whether it also stops, at the same time, at a quarter of the step. It is then not the step that is to blame.
+    stop : dict or None
+        Of a stopped run: time, rod, element and mechanism.
+    simulated, spent : float, s
+        Arm motion and processor time.
+    """
+
+    kind: str
+    number: int
+    verdict: str
+    reason: str = ""
+    automatic: bool = True
+    error: float | None = None
+    again: bool | None = None
+    stop: dict | None = None
+    simulated: float = 0.0
+    spent: float = 0.0
+
+    @property
+    def undetected(self):
+        """Whether this is a failure that no guard caught."""
+        return self.verdict == Verdict.UNDETECTED.name
+
+
+def perform(trial):
+    """Carry out one trial and judge it.
+
+    Parameters
+    ----------
+    trial : octoctrl.laboratory.trials.Trial
+
+    Returns
+    -------
+    Outcome
+    """
+    begin = thread_time()
+    try:
+        found = _Run(trial).judged()
+    except OctoctrlError as error:
+        found = {"verdict": Verdict.REFUSED, "reason": str(error)}
+    except Exception as error:
+        found = {"verdict": Verdict.UNDETECTED, "reason": f"{type(error).__name__}: {error}"}
+    if trial.kind == "huge step" and found["verdict"] is not Verdict.REFUSED:
+        found = {"verdict": Verdict.UNDETECTED, "reason": f"a step of {trial.step:g} times the limit was accepted"}
+    found["verdict"] = found["verdict"].name
+    return Outcome(kind=trial.kind, number=trial.number, automatic=trial.step is None, spent=thread_time() - begin, **found)
+
+
+class _Run:
+    """A trial on its plant."""
+
+    def __init__(self, trial):
+        self.trial, self.energies = trial, None
+        self.plant = self._plant()
+
+    def _plant(self, finer=1, displacement=0.0):
+        """The trial's plant at its begin; at a part of the step, or with its nodes displaced at random."""
+        from octoctrl.sim.body.arm import Arm
+        from octoctrl.sim.rod.layout import Row
+        from octoctrl.sim.rod.plant import Plant
+        from octoctrl.sim.scene.scene import Scene
+
+        trial = self.trial
+        if trial.kind in ASSEMBLY_KINDS:
+            return make_plant("assembly")
+        arm, scene = Arm(**trial.arm), Scene(water=None) if trial.water is None else Scene.free(factor=trial.water)
+        plant = Plant(arm, scene)
+        if trial.step is not None:
+            plant = Plant(arm, scene, dt=trial.step * plant.limit.step)
+        if finer > 1:
+            plant = Plant(arm, scene, dt=plant.h / finer)
+        nodes = plant.rows[Row.X1 : Row.X3 + 1, 2 : plant.elements + 2]
+        nodes[1] *= trial.stretch
+        if displacement:
+            nodes += displacement * arm.length * np.random.default_rng(0).standard_normal(nodes.shape)
+        return plant
+
+    def judged(self):
+        trial, plant = self.trial, self.plant
+        try:
+            recording, differing = self._recorded()
+        except PlantUnstableError as error:
+            return self._stopped(error)
+        found = {"simulated": float(recording.time[-1])}
+        complaint = differing or next(filter(None, self._complaints(recording)), None)
+        if complaint:
+            return found | {"verdict": Verdict.UNDETECTED, "reason": complaint}
+        if trial.number % COMPARED or trial.kind in ASSEMBLY_KINDS:
+            return found | {"verdict": Verdict.FINISHED}
+        error = self._apart(recording, self._plant(finer=2))
+        if error < TOLERANCE:
+            return found | {"verdict": Verdict.ACCURATE, "error": error}
+        growth = self._apart(recording, self._plant(displacement=PERTURBATION)) / PERTURBATION
+        verdict = Verdict.SENSITIVE if growth > SENSITIVE else Verdict.INACCURATE
+        said = f"half the step moves the tip by {error:.1%} of the length, a displacement of 1e-6 grows {growth:.0f} times"
+        return found | {"verdict": verdict, "error": error, "reason": f"{said}; {plant.elements} elements, step {plant.h:.2g} s"}
+
+    def _recorded(self):
+        """The recording, and a complaint if bits differ that must not."""
+        trial, plant = self.trial, self.plant
+        if trial.kind == "stretched":
+            return self._released()
+        recording = plant.advance(trial.activation, trial.duration)
+        if trial.kind == "restart":
+            return recording, None if self._restarted() else "a loaded state does not continue with the same bits"
+        if trial.kind == "threads":
+            return recording, None if self._threaded(recording) else "a batch does not move with the same bits"
+        return recording, None
+
+    def _released(self):
+        from octoctrl.sim.running.recording import Recording
+
+        def go(plant):
+            pieces, energies = [], [checks.passive_energy(plant)]
+            for _ in range(round(self.trial.duration / 0.01)):
+                pieces.append(plant.advance(self.trial.activation, 0.01))
+                energies.append(checks.passive_energy(plant))
+            return Recording.joined(pieces), checks.growth(np.array(energies))
+
+        recording, growth = go(self.plant)
+        if growth < checks.GROWTH:
+            return recording, None
+        by_itself = go(self._plant(finer=4))[1]
+        grew = f"the energy of the passive arm grew by {growth:.1%}, at a quarter of the step by {by_itself:.1%}"
+        return recording, grew if growth - by_itself > checks.GROWTH else None
+
+    def _restarted(self):
+        trial, first = self.trial, self._plant()
+        part = first.sample_interval * max(1, round(trial.duration * (1 + trial.number % 7) / 8 / first.sample_interval))
+        first.advance(trial.activation, part)
+        with tempfile.TemporaryDirectory() as folder:
+            first.save(Path(folder) / "state.npz")
+            again = self._plant()
+            again.load(Path(folder) / "state.npz")
+        again.advance(trial.activation, trial.duration - part)
+        return all(np.array_equal(one, other) for one, other in zip(_state(self.plant), _state(again), strict=True))
+
+    def _threaded(self, recording):
+        from octoctrl.sim.running.batch import simulate_batch
+
+        result = simulate_batch([self._plant() for _ in range(3)], self.trial.activation, self.trial.duration, threads=2)
+        return all(np.array_equal(recording.points, other.points) for other in result.recordings)
+
+    def _complaints(self, recording):
+        trial, plant = self.trial, self.plant
+        yield checks.finite(recording)
+        yield checks.orthonormal(recording)
+        yield checks.held(recording)
+        yield checks.linked(recording)
+        if trial.stretch == 1.0 and trial.kind not in ASSEMBLY_KINDS:
+            yield checks.powered(recording, plant.arm, plant.node_mass)
+        if trial.kind == "settling":
+            yield checks.settled(recording)
+
+    def _apart(self, recording, plant):
+        """Distance of the tip from that of another run, rms over time and over the arm's length; infinite if that one stops."""
+        try:
+            other = plant.advance(self.trial.activation, self.trial.duration)
+        except PlantUnstableError:
+            return np.inf
+        return float(np.sqrt(np.mean(np.sum((recording.tip - other.tip) ** 2, axis=1)))) / plant.arm.length
+
+    def _stopped(self, error):
+        recording = error.recording
+        complaint = checks.finite(recording) or checks.orthonormal(recording)
+        if complaint:
+            return {"verdict": Verdict.UNDETECTED, "reason": f"kept in the recording of a stopped run: {complaint}"}
+        again = None
+        if self.trial.kind not in ASSEMBLY_KINDS:
+            try:
+                self._plant(finer=4).advance(self.trial.activation, self.trial.duration)
+                again = False
+            except PlantUnstableError as other:
+                again = abs(other.time - error.time) < SAME_TIME * error.time
+        return {
+            "verdict": Verdict.UNSTABLE if "to and fro" in error.mechanism and not again else Verdict.LIMIT,
+            "reason": str(error),
+            "again": again,
+            "stop": {"time": error.time, "rod": error.rod, "element": error.element, "mechanism": error.mechanism},
+            "simulated": float(recording.time[-1]),
+        }
+
+
+def _state(plant):
+    return plant._state().values()

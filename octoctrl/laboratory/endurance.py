@@ -1,0 +1,97 @@
+"""Long runs: what ten million steps of a conservative rod leave of energy, momentum and frames, and whether an arm at rest slows down."""
+
+import time
+
+import numpy as np
+
+STEPS = 10_000_000
+PULSE, REST = 0.5, 60.0
+"""Seconds of an arm's movement, and of the rest after it."""
+
+
+def long_run(steps=STEPS, pieces=20, progress=None):
+    """A free elastic rod of ten elements tumbles, bends and twists; its section is constant, so that it conserves.
+
+    Parameters
+    ----------
+    steps : int
+    pieces : int
+        How often it is measured.
+    progress : Progress, optional
+
+    Returns
+    -------
+    dict
+        ``steps``; largest relative change of ``energy`` and its ``energy_trend`` over the run (slope of a straight line through it);
+        largest departure of frames from ``orthonormality``; relative changes of ``momentum`` and ``angular_momentum``.
+    """
+    from octoctrl.sim.rod.elastic import Rod, RodSimulation
+
+    rod = Rod.straight(length=0.2, radius=0.01, elements=10, density=1000.0, youngs_modulus=1e5, shear_modulus=4e4, section="constant")
+    simulation, along = RodSimulation(rod), np.linspace(0.0, 1.0, 11)
+    simulation.velocities = np.stack([0.1 * np.sin(np.pi * along), 0.02 * along, 0.1 * np.cos(2 * np.pi * along)], axis=1)
+    simulation.spins = np.tile([0.0, 2.0, 5.0], (10, 1))
+    energies, momentum, angular = [sum(simulation.energy().values())], *_momenta(simulation)
+    if progress is not None:
+        progress.start(f"{steps:,} steps of an elastic rod", total=pieces)
+    for piece in range(pieces):
+        simulation.advance(steps // pieces * simulation.dt)
+        energies.append(sum(simulation.energy().values()))
+        if progress is not None:
+            progress.advance(piece + 1)
+    change, frames = np.array(energies) / energies[0] - 1, simulation.frames
+    last_momentum, last_angular = _momenta(simulation)
+    return {
+        "steps": steps,
+        "energy": float(np.abs(change).max()),
+        "energy_trend": float(np.polyfit(np.linspace(0.0, 1.0, len(change)), change, 1)[0]),
+        "orthonormality": float(np.abs(frames @ np.swapaxes(frames, 1, 2) - np.eye(3)).max()),
+        "momentum": float(np.linalg.norm(last_momentum - momentum) / np.linalg.norm(momentum)),
+        "angular_momentum": float(np.linalg.norm(last_angular - angular) / np.linalg.norm(angular)),
+    }
+
+
+def _momenta(simulation):
+    from octoctrl.sim.rod.layout import Row
+
+    moving = simulation.node_mass[:, None] * simulation.velocities
+    inertia = simulation.rows[Row.INERTIA1 : Row.INERTIA3 + 1, 1 : simulation.elements + 1].T
+    spin = np.einsum("kij,ki->j", simulation.frames, inertia * simulation.spins)
+    return moving.sum(axis=0), np.cross(simulation.points, moving).sum(axis=0) + spin
+
+
+def settled_speed(progress=None):
+    """Whether numbers that fade towards zero (subnormal ones are slow on many processors) slow down an arm that has come to rest.
+
+    Parameters
+    ----------
+    progress : Progress, optional
+
+    Returns
+    -------
+    dict of str to float, s
+        Processor time of a step while it is ``moving``, after 60 s of ``rest``, and of one that was ``never`` moved; and the smallest
+        speed that is not zero, ``smallest``, m/s.
+    """
+    from octoctrl.sim.activation import Activation, Plateau
+    from octoctrl.sim.rod.layout import Row
+    from octoctrl.sim.rod.plant import Plant
+
+    pull = Activation(templates=(Plateau(groups=("LM1", "R-OM"), level=0.3, rise=0.1, offset=PULSE - 0.2, fall=0.1),))
+    if progress is not None:
+        progress.start("an arm at rest for a minute")
+
+    def step_time(activation, before):
+        plant, best = Plant(), np.inf
+        plant.advance(activation, before)
+        for _ in range(10):
+            begin = time.process_time()
+            plant.advance(Activation(), 0.25)
+            best = min(best, time.process_time() - begin)
+        return plant, best * plant.h / 0.25
+
+    moved, moving = step_time(pull, PULSE)
+    rested, rest = step_time(pull, PULSE + REST)
+    _, never = step_time(Activation(), 0.05)
+    speeds = np.abs(rested.rows[Row.V1 : Row.V3 + 1, 2 : rested.elements + 2])
+    return {"moving": moving, "rest": rest, "never": never, "smallest": float(speeds[speeds > 0].min(initial=np.inf)), "step": moved.h}

@@ -1,0 +1,99 @@
+"""Tables of text, numbers as JSON knows them, and what machine a figure belongs to."""
+
+import os
+import platform
+import time
+from importlib import metadata
+from math import isfinite
+
+import numpy as np
+
+
+def table(headings, rows):
+    """Align columns of text: the first to the left, the others to the right.
+
+    Parameters
+    ----------
+    headings : tuple of str
+    rows : list of tuple of str
+
+    Returns
+    -------
+    list of str
+    """
+    widths = [max(len(row[column]) for row in [headings, *rows]) for column in range(len(headings))]
+    lines = []
+    for row in [headings, *rows]:
+        cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+        lines.append((" " + "   ".join(cells)).rstrip())
+    return lines
+
+
+def plain(value):
+    """Turn numbers of NumPy, infinities and tuples into what JSON knows; infinite and undefined numbers become None.
+
+    Parameters
+    ----------
+    value : object
+
+    Returns
+    -------
+    object
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {str(key): plain(inner) for key, inner in value.items()}
+    if isinstance(value, tuple | list):
+        return [plain(inner) for inner in value]
+    return value if isinstance(value, int | float | str | bool | None) else str(value)
+
+
+def number(value):
+    """Write `value` (float) with at most four significant digits, whole numbers as such."""
+    return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else f"{value:.4f}" if abs(value) >= 1e-3 else f"{value:.1e}"
+
+
+def machine():
+    """The machine and the versions that the figures belong to.
+
+    Returns
+    -------
+    dict of str to str
+    """
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            processor = next(line.partition(":")[2].strip() for line in file if line.startswith("model name"))
+    except (OSError, StopIteration):
+        processor = platform.processor() or platform.machine()
+    versions = {name: metadata.version(name) for name in ("numpy", "numba", "casadi", "scipy")}
+    return {
+        "processor": processor,
+        "cores": str(os.cpu_count()),
+        "system": platform.system(),
+        "Python": platform.python_version(),
+        **versions,
+    }
+
+
+def fastest(work, times):
+    """Processor and wall time of the fastest run of `work`.
+
+    Parameters
+    ----------
+    work : callable
+    times : int
+        How often it runs.
+
+    Returns
+    -------
+    (float, float), s
+    """
+    spent = np.full(2, np.inf)
+    for _ in range(times):
+        begin = time.process_time(), time.perf_counter()
+        work()
+        spent = np.minimum(spent, (time.process_time() - begin[0], time.perf_counter() - begin[1]))
+    return float(spent[0]), float(spent[1])

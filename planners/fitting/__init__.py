@@ -1,0 +1,1 @@
+"""Fitting the reduced model to recordings of a plant. Imports `model`."""

@@ -1,0 +1,1 @@
+"""Feedback along a plan. Imports `asking`, `model`, `solving.plan`."""

@@ -1,0 +1,113 @@
+"""A plan: schedule of primitives, predicted shape and predicted topology, with an honest status."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.topology.trace import TopologyTrace
+
+from ..asking.schedule import Schedule
+from ..asking.task import Task
+
+
+class PlanStatus(Enum):
+    """How planning ended; the value is a sentence that says what to do next."""
+
+    SOLVED = "Solved: every goal is met within its tolerance on the reduced model; run it on the plant."
+    UNREACHABLE = "Unreachable: a goal lies outside what the arm can do at the allowed levels; lower it or allow more activation."
+    INFEASIBLE = "Infeasible: no plan meets all goals; relax the goal named in the statistics, or allow longer phases."
+    TIME_LIMIT = "Stopped at the time limit: the best plan so far is kept; pass it as the guess or raise time_limit."
+    ITERATION_LIMIT = "Stopped at the iteration limit: the best plan so far is kept; pass it as the guess or raise max_iterations."
+
+
+class PlanFailedError(RuntimeError):
+    """A plan was asked to be strict and did not meet its goals."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """Result of planning.
+
+    Attributes
+    ----------
+    task, arm, scene : what was planned for
+    schedule : Schedule
+    phase_begins : dict of str to float, s
+        In order; the schedule's duration ends the last phase.
+    time : (T,) float64, s
+    strains : (T, S, 4) float64
+        Predicted section strains k1, k2, k3 (1/m) and stretch.
+    trace : TopologyTrace
+        Predicted topology, by the formula that also measures the plant.
+    status : PlanStatus
+    plant : str
+        Name of the plant that it was made for, on which the reduced model was identified.
+    statistics : dict
+        Wall times, iterations, largest goal violation, headroom, model fingerprint and the like.
+    """
+
+    task: Task
+    arm: Arm
+    scene: Scene
+    schedule: Schedule
+    phase_begins: dict[str, float]
+    time: np.ndarray
+    strains: np.ndarray
+    trace: TopologyTrace
+    status: PlanStatus
+    plant: str = "rod"
+    statistics: dict = field(default_factory=dict)
+
+    def __str__(self):
+        phases = [*self.phase_begins.items()]
+        ends = [*[begin for _, begin in phases[1:]], self.schedule.duration]
+        lines = [
+            f"plan '{self.task.name}'   {self.schedule.duration:.2f} s on arm {self.arm.name} ({self.arm.fingerprint})   plant {self.plant}"
+        ]
+        lines.append(" phase        from     to     twist   lifted writhe   (at its end, predicted)")
+        for (name, begin), end in zip(phases, ends, strict=True):
+            twist, writhe = (np.interp(end, self.trace.time, getattr(self.trace, key)) for key in ("twist", "lifted_writhe"))
+            lines.append(f"  {name:10} {begin:5.2f}  {end:5.2f}    {twist:+6.2f}          {writhe:+6.2f}")
+        lines.append(" drive             primitive  muscles       level   onset    rise  offset")
+        names = [drive.name for drive in self.task.drives]
+        names += [""] * (len(self.schedule.primitives) - len(names))
+        for name, primitive in zip(names, self.schedule.primitives, strict=False):
+            groups = "+".join(dict.fromkeys(group for template in primitive.templates() for group in template.groups))
+            groups = groups.replace("LM1+LM2+LM3+LM4+LM5+LM6+LM7+LM8", "all LM")
+            numbers = [getattr(primitive, key, np.nan) for key in ("level", "onset", "rise", "offset")]
+            cells = "".join(f"{number:8.2f}" if np.isfinite(number) else "       -" for number in numbers)
+            lines.append(f"  {name:16}{type(primitive).__name__:11}{groups:11}{cells}")
+        told = [f"{key.replace('_', ' ')} {self.statistics[key]:.3g}" for key in ("wall_time", "iterations") if key in self.statistics]
+        lines += [f" planning: {', '.join(told)}"] if told else []
+        lines.append(" " + " ".join(filter(None, (self.status.value, self.statistics.get("reason", "")))))
+        return "\n".join(lines)
+
+    def raise_if_failed(self):
+        """Return the plan if it is solved.
+
+        Raises
+        ------
+        PlanFailedError
+            Otherwise, with the status' sentence.
+        """
+        if self.status is not PlanStatus.SOLVED:
+            raise PlanFailedError(self.status.value)
+        return self
+
+    def check_arm(self, arm):
+        """Check that `arm` is the one the plan was made for.
+
+        Raises
+        ------
+        OctoctrlError
+            If it differs in anything but name and resolution.
+        """
+        if arm.fingerprint != self.arm.fingerprint:
+            raise OctoctrlError(
+                f"plan was made for arm '{self.arm.name}' (hash {self.arm.fingerprint}), scene has '{arm.name}' ({arm.fingerprint}); "
+                "re-plan or pass arm=plan.arm"
+            )

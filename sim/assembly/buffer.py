@@ -1,0 +1,312 @@
+"""The buffer of an assembly, filled from geometry: states at rest, stiffnesses, masses, connection constants, damping for a time step."""
+
+from dataclasses import dataclass
+from math import tau
+
+import numpy as np
+
+from ..body.grid import AssemblyGrid
+from ..rod.elastic import phi1
+from ..rotations import rotation_vector
+from .constants import ring_connections, stiffness, straight_connections
+from .crossing_kernels import buffer_size, crossing_offsets
+from .family_kernels import family_offsets
+from .joint_kernels import spoke_offsets
+from .layout import STATE_ROWS, AssemblyRow, CrossingRow, SpokeRow, stride_of
+
+SPIN_ARM = 1e-3
+"""Lever (m) that turns the linear drag of rings and helices into a drag on their spin, as in the source, where one number serves both."""
+INERTIA_FLOOR = 0.8
+"""Rotary inertia is at least (shear + bending stiffness of the element) times (this times the step)^2: twice what stability needs."""
+
+R = AssemblyRow
+
+
+@dataclass(slots=True)
+class AssemblyBuffer:
+    """One flat buffer and views of its four parts as rows.
+
+    Attributes
+    ----------
+    grid : AssemblyGrid
+    flat : (size,) float64
+    open_rods, rings, spokes, crossings : (rows, stride) float64
+        Views; rows are those of `AssemblyRow`, `SpokeRow` and `CrossingRow`.
+    ring_index : (6, helices * lanes) uint64
+    helix_index : (3, helices * lanes) uint64
+    """
+
+    grid: AssemblyGrid
+    flat: np.ndarray
+    open_rods: np.ndarray
+    rings: np.ndarray
+    spokes: np.ndarray
+    crossings: np.ndarray
+    ring_index: np.ndarray
+    helix_index: np.ndarray
+
+    def state(self):
+        """Copies of the state rows of open rods and rings."""
+        return self.open_rods[:STATE_ROWS].copy(), self.rings[:STATE_ROWS].copy()
+
+    def restore(self, state):
+        """Write back what `state` returned, and clear what a diverged step may have left in the scratch."""
+        for rows in (self.open_rods, self.rings):
+            rows[R.STRETCH :] = 0.0
+            rows[R.STRETCH] = 1.0
+        self.spokes[: SpokeRow.CU11], self.spokes[SpokeRow.F1 :] = 0.0, 0.0
+        self.crossings[: CrossingRow.SPRING], self.crossings[CrossingRow.FA1 :] = 0.0, 0.0
+        self.open_rods[:STATE_ROWS], self.rings[:STATE_ROWS] = state
+
+    def straight(self, row, nodes=False):
+        """View (straight rods, n) of one `row` of the straight rods, n + 1 wide for `nodes`."""
+        grid = self.grid
+        wide = self.open_rods[row, : grid.straight_rods * grid.lanes].reshape(grid.straight_rods, grid.lanes)
+        return wide[:, 1 : grid.rings + int(nodes) + 1]
+
+    def oblique(self, row, nodes=False):
+        """View (helices, n) of one `row` of the helices, n + 1 wide for `nodes`."""
+        grid = self.grid
+        wide = self.open_rods[row, grid.straight_rods * grid.lanes : grid.open_slots * grid.lanes].reshape(grid.helices, -1)
+        return wide[:, 1 : grid.helix_elements + int(nodes) + 1]
+
+    def ring(self, row):
+        """View (N, ring nodes) of one `row` of the rings."""
+        grid = self.grid
+        inner = self.rings[row, grid.lanes : (grid.ring_nodes + 1) * grid.lanes].reshape(grid.ring_nodes, grid.lanes)
+        return inner[:, 1 : grid.rings + 1].T
+
+    def spoke(self, row):
+        """View (spokes, N) of one `row` of the spokes."""
+        grid = self.grid
+        inner = self.spokes[row, grid.first_spoke * grid.lanes : (grid.first_spoke + grid.spokes) * grid.lanes]
+        return inner.reshape(grid.spokes, grid.lanes)[:, 1 : grid.rings + 1]
+
+    def straight_sum(self, row):
+        """View (straight rods, N) of what the spokes' result `row` sums up to on the cord and each muscle."""
+        grid = self.grid
+        inner = self.spokes[row, (grid.first_spoke - 1) * grid.lanes : (grid.first_spoke + grid.spokes) * grid.lanes]
+        return inner.reshape(grid.straight_rods, grid.lanes)[:, 1 : grid.rings + 1]
+
+    def crossing(self, row):
+        """View (helices, N) of one `row` of the crossings."""
+        grid = self.grid
+        return self.crossings[row, : grid.helices * grid.lanes].reshape(grid.helices, grid.lanes)[:, 1 : grid.rings + 1]
+
+
+def new_assembly(geometry):
+    """A zeroed buffer for `geometry`, with its tables of indices."""
+    grid = geometry.grid
+    lanes, count = grid.lanes, grid.rings
+    flat = np.zeros(buffer_size(grid))
+
+    def view(start, rows, slots):
+        stride = stride_of(slots, lanes)
+        return flat[int(start) : int(start) + len(rows) * stride].reshape(len(rows), stride)
+
+    opposite = grid.ring_nodes // 2
+    # Places on the ring and on the helix, as the kernels name them.
+    around, along = ((0, 1, opposite, opposite + 1), (0,)) if grid.between else ((-2, -1, 0, 1, 2, opposite), (1, 0, -1))
+    ring_index = np.zeros((len(around), grid.helices, lanes), dtype=np.uint64)
+    helix_index = np.zeros((len(along), grid.helices, lanes), dtype=np.uint64)
+    lane = np.arange(1, count + 1)
+    for place, away in enumerate(around):
+        node = (_node_before(geometry) + away) % grid.ring_nodes
+        ring_index[place, :, 1 : count + 1] = (node + 1) * lanes + lane
+    for j in range(grid.helices):
+        side, start = 1 if j < grid.helices // 2 else -1, (grid.straight_rods + grid.helix_nodes * j) * lanes
+        for place, away in enumerate(along):
+            helix_index[place, j, 1 : count + 1] = start + grid.helix_nodes * (lane - 1) + 1 + side * away
+    buffer = AssemblyBuffer(
+        grid=grid,
+        flat=flat,
+        open_rods=view(family_offsets(grid, False)["X1"], R, grid.open_slots),
+        rings=view(family_offsets(grid, True)["X1"], R, grid.ring_slots),
+        spokes=view(spoke_offsets(grid)["S1"], SpokeRow, grid.spoke_slots),
+        crossings=view(crossing_offsets(grid)["A1"], CrossingRow, grid.helices),
+        ring_index=ring_index.reshape(len(around), -1),
+        helix_index=helix_index.reshape(len(along), -1),
+    )
+    return buffer
+
+
+def _node_before(geometry):
+    """Ring node at which helix j meets ring i, or the last one before, (helices, N) int."""
+    return np.floor(geometry.oblique_nodes + 1e-9).astype(int)
+
+
+def set_rest(buffer, geometry):
+    """Put all rods to rest in their initial places; ghosts go on along the end edges."""
+    grid, lanes = buffer.grid, buffer.grid.lanes
+    buffer.open_rods[:STATE_ROWS], buffer.rings[:STATE_ROWS] = 0.0, 0.0
+    for family, start, wide in ((geometry.straight, 0, 1), (geometry.oblique, grid.straight_rods, grid.helix_nodes)):
+        for rod in range(len(family.points)):
+            slot = slice((start + wide * rod) * lanes, (start + wide * (rod + 1)) * lanes)
+            points, frames = family.points[rod], family.frames[rod]
+            after = wide * lanes - len(points) - 1
+            tail = points[-1] + np.arange(1, after + 1)[:, None] * (points[-1] - points[-2])
+            buffer.open_rods[R.X1 : R.X3 + 1, slot] = np.concatenate([[2 * points[0] - points[1]], points, tail]).T
+            padded = np.concatenate([frames[:1], frames, np.repeat(frames[-1:], wide * lanes - len(frames) - 1, axis=0)])
+            buffer.open_rods[R.Q11 : R.Q33 + 1, slot] = padded.reshape(-1, 9).T
+    buffer.open_rods[R.Q11 : R.Q33 + 1, grid.open_slots * lanes :] = np.eye(3).reshape(9, 1)
+    for row, values in zip(range(R.X1, R.X3 + 1), np.moveaxis(geometry.rings.points, -1, 0), strict=True):
+        _set_ring(buffer, row, values)
+    frames = geometry.rings.frames.reshape(grid.rings, grid.ring_nodes, 9)
+    for row, values in zip(range(R.Q11, R.Q33 + 1), np.moveaxis(frames, -1, 0), strict=True):
+        _set_ring(buffer, row, values)
+
+
+def _set_ring(buffer, row, values, ghost=None):
+    """Write values (N, ring nodes) into a row of the rings, with copies in the ghost lanes (or `ghost`) and the seam's slots."""
+    grid = buffer.grid
+    padded = np.empty((grid.ring_slots, grid.lanes))
+    inside = np.broadcast_to(values, (grid.rings, grid.ring_nodes)).T
+    padded[1:-1, 1 : grid.rings + 1] = inside
+    padded[1:-1, 0] = inside[:, 0] if ghost is None else ghost
+    padded[1:-1, grid.rings + 1 :] = inside[:, -1:] if ghost is None else ghost
+    padded[0], padded[-1] = padded[-2], padded[1]
+    buffer.rings[row, : padded.size] = padded.ravel()
+
+
+def set_filter_masks(buffer):
+    """Mark the inner nodes (row YIELD) and inner elements (row RATE) of the open rods for the published velocity filter."""
+    for view in (buffer.straight, buffer.oblique):
+        view(R.YIELD, True)[:] = view(R.RATE)[:] = 0.0
+        view(R.YIELD, True)[:, 1:-1] = 1.0
+        view(R.RATE)[:, 1:-1] = 1.0
+
+
+def fill_parameters(buffer, arm, geometry, h, water, published=False):
+    """Write all parameters for time step `h` (s) in `water` (or None).
+
+    The `published` numerics raise no inertia, soften no contact and take the linear drag elsewhere.
+    """
+    anatomy = arm.anatomy
+    wet = (0.0, 0.0) if water is None or published else (water.factor * water.oblique_rate, water.factor * water.ring_rate)
+    rates = anatomy.straight_rate, anatomy.oblique_rate + wet[0], wet[1]
+    held = not anatomy.traits.sliding
+    soften = 0.0 if published else h
+    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], soften, len(geometry.straight.radius) if held else 1)
+    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], soften, len(geometry.oblique.radius) if held else 0)
+    rows = buffer.open_rods
+    ghosts = rows[R.JOINT_LENGTH] == 0
+    rows[R.JOINT_LENGTH, ghosts] = 1.0
+    apart = np.linalg.norm(np.diff(rows[R.X1 : R.X3 + 1], axis=1, append=1.0), axis=0)
+    ghosts = rows[R.LENGTH] == 0
+    rows[R.LENGTH, ghosts], rows[R.REST_RADIUS, ghosts] = apart[ghosts], 1e-3
+    rows[R.STRETCH] = buffer.rings[R.STRETCH] = 1.0
+    _fill_rings(buffer, arm, geometry.rings, h, rates[2], soften, 1 if held else 0)
+    if anatomy.traits.graded:
+        strength, pace = arm.ring_grades(geometry.grid.rings)
+        _set_ring(buffer, R.STRENGTH, strength[:, None])
+        _set_ring(buffer, R.PACE, pace[:, None])
+    _fill_connections(buffer, arm, geometry, soften)
+
+
+def _damped(rate, h):
+    return np.exp(-rate * h), h * phi1(-rate * h)
+
+
+def _inertia(stiff, family, h):
+    length = family.length
+    bending = np.maximum(stiff.inertia, (stiff.shear * length + 4 * stiff.bend / length) * (INERTIA_FLOOR * h) ** 2)
+    twisting = np.maximum(2 * stiff.inertia, 4 * stiff.twist / length * (INERTIA_FLOOR * h) ** 2)
+    return bending, twisting
+
+
+def _fill_open(buffer, arm, family, view, h, rate, floor, held):
+    """The first nodes of so many rods are `held`, and all rods' first elements."""
+    stiff, length = stiffness(arm, family), family.length
+    bending, twisting = _inertia(stiff, family, floor)
+    for row, values in (
+        (R.LENGTH, length),
+        (R.SHEAR, stiff.shear),
+        (R.REST_RADIUS, family.radius),
+        (R.AREA, family.area),
+        (R.BEND_INERTIA, bending),
+        (R.TWIST_INERTIA, twisting),
+    ):
+        view(row)[:] = values
+    both = length[:, 1:] + length[:, :-1]
+    view(R.JOINT_LENGTH)[:, 1:] = both / 2
+    for row, values in ((R.BEND, stiff.bend), (R.TWIST, stiff.twist)):
+        view(row)[:, 1:] = (values[:, 1:] * length[:, 1:] + values[:, :-1] * length[:, :-1]) / both
+    turn = rotation_vector(family.frames[:, 1:] @ np.swapaxes(family.frames[:, :-1], -1, -2))
+    for component in range(3):
+        view(R.REST1 + component)[:, 1:] = turn[..., component] / (both / 2)
+    decay, weight = _damped(np.full(family.node_mass.shape, rate), h)
+    decay[:held, 0] = weight[:held, 0] = 0.0
+    view(R.NODE_DECAY, True)[:], view(R.NODE_MOBILITY, True)[:] = decay, weight / family.node_mass
+    _set_spin(view, family, bending, twisting, rate, h, np.s_[:, 0])
+
+
+def _set_spin(view, family, bending, twisting, rate, h, held):
+    for inertia, decay_row, mobility_row in ((bending, R.BEND_DECAY, R.BEND_MOBILITY), (twisting, R.TWIST_DECAY, R.TWIST_MOBILITY)):
+        mass = family.element_mass
+        if family.tip_mass is not None:
+            mass[:, -1] += family.tip_mass
+        decay, weight = _damped(rate * mass * SPIN_ARM**2 / inertia, h)
+        decay[held] = weight[held] = 0.0
+        view(decay_row)[:], view(mobility_row)[:] = decay, weight / inertia
+
+
+def _fill_rings(buffer, arm, family, h, rate, floor, held):
+    """The first so many rings are `held`."""
+    stiff, length = stiffness(arm, family), family.length
+    bending, twisting = _inertia(stiff, family, floor)
+    joint = (length + np.roll(length, 1, axis=1)) / 2
+    _set_ring(buffer, R.LENGTH, length)
+    _set_ring(buffer, R.JOINT_LENGTH, joint)
+    _set_ring(buffer, R.REST_RADIUS, family.radius)
+    for row, values in (
+        (R.SHEAR, stiff.shear),
+        (R.AREA, family.area),
+        (R.BEND_INERTIA, bending),
+        (R.TWIST_INERTIA, twisting),
+        (R.BEND, stiff.bend),
+        (R.TWIST, stiff.twist),
+    ):
+        _set_ring(buffer, row, values, ghost=0.0)
+    turn = rotation_vector(family.frames @ np.swapaxes(np.roll(family.frames, 1, axis=1), -1, -2)) / joint[..., None]
+    for component in range(3):
+        _set_ring(buffer, R.REST1 + component, turn[..., component])
+    decay, weight = _damped(np.full(length.shape, rate), h)
+    decay[:held] = weight[:held] = 0.0
+    _set_ring(buffer, R.NODE_DECAY, decay, ghost=0.0)
+    _set_ring(buffer, R.NODE_MOBILITY, weight / family.node_mass, ghost=0.0)
+
+    _set_spin(buffer.ring, family, bending, twisting, rate, h, np.s_[:held])
+
+
+def _fill_connections(buffer, arm, geometry, h):
+    sides, ring = straight_connections(arm, geometry), ring_connections(arm, geometry)
+    S, C, grid = SpokeRow, CrossingRow, geometry.grid
+    for letter, pairs in (("C", slice(0, grid.spokes)), ("N", slice(grid.spokes, None))):
+        for component in range(3):
+            buffer.spoke(S[f"{letter}U1{component + 1}"])[:] = sides.direction1[pairs, :, component]
+            buffer.spoke(S[f"{letter}U2{component + 1}"])[:] = sides.direction2[pairs, :, component]
+        buffer.spoke(S[f"{letter}_GAP"])[:] = sides.gap[pairs]
+        buffer.spoke(S[f"{letter}_SPRING"])[:] = sides.spring[pairs]
+        buffer.spoke(S[f"{letter}_CONTACT"])[:] = sides.contact[pairs]
+    ring_mass = geometry.rings.node_mass[:, 0]
+    muscle_mass = geometry.straight.element_mass[1]
+    buffer.spoke(S.R_SPRING)[:] = ring.muscle_spring
+    buffer.spoke(S.R_TORQUE)[:] = ring.muscle_torque
+    buffer.spoke(S.R_CONTACT)[:] = ring.muscle_contact
+    buffer.spoke(S.R_REPULSION)[:] = ring.muscle_repulsion
+    buffer.spoke(S.R_NEXT)[:, :-1] = ring.ring_spring
+    buffer.spoke(S.R_EFFECTIVE)[:] = (0.75 * h * h * ring.muscle_contact * (1 / ring_mass + 1 / muscle_mass)) ** 2
+    helix_mass = geometry.oblique.node_mass[:, :: grid.helix_nodes]
+    buffer.crossing(C.SPRING)[:] = ring.oblique_spring
+    for row in (C.CONTACT, C.P_CONTACT, C.N_CONTACT):
+        buffer.crossing(row)[:] = ring.oblique_contact
+    if grid.between:
+        width = tau / grid.ring_nodes
+        angle = (geometry.oblique_nodes - _node_before(geometry)) * width
+        buffer.crossing(C.SHARE)[:] = np.sin(angle) / (np.sin(angle) + np.sin(width - angle))
+        buffer.crossing(C.ARC)[:] = np.cos(angle - width / 2) / np.cos(width / 2)
+    # The first ring's lower helix neighbour, and the last ring's upper one, do not exist.
+    half = grid.helices // 2
+    buffer.crossing(C.N_CONTACT)[:half, 0] = buffer.crossing(C.P_CONTACT)[half:, 0] = 0.0
+    buffer.crossing(C.P_CONTACT)[:half, -1] = buffer.crossing(C.N_CONTACT)[half:, -1] = 0.0
+    buffer.crossing(C.EFFECTIVE)[:] = (0.75 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)) ** 2

@@ -1,0 +1,405 @@
+"""Rods of the assembly: strains, muscle stress, internal forces, kick and implicit axial step, for open rods and for all rings at once.
+
+Discretisation of Gazzola et al. (2018, R. Soc. Open Sci. 5:171628) as in `octoctrl.sim.rod.elastic_kernels`, but the axial force is the
+muscle's and acts along the tangent t, with the stretch e = l / L; the director only carries shear:
+
+    N = Q^T (S e t_1, S e t_2, 0) / e + A sigma(e, e', a) t / e,      torque (Q t x n) L with n = S e (t_1, t_2, 0)
+
+Along the director instead, an active rod would buckle in shear as soon as its stress exceeds (4/3) G. The force-velocity law is linearly
+implicit: with Hill's secant c at the old rate the stress at the new rate is isometric + c e'_new, so that it cannot change sign, and with
+a quarter of the step times the passive tangent the same system damps no motion but removes the axial limit of the step. Unknown are the
+increments of tension phi:
+
+    (1 / G_k + w_k + w_{k+1}) phi_k - w_{k+1} t_k.t_{k+1} phi_{k+1} - w_k t_k.t_{k-1} phi_{k-1} = t_k.(dv_{k+1} - dv_k)
+
+with G = A (c + h K / 4) / (e L) and w the mobility of a node over one step: tridiagonal for an open rod, cyclic for a ring (Sherman &
+Morrison 1950, Ann. Math. Stat. 21:124). The neighbour of an element stands `step` numbers away in its row: 1 for open rods, the number of
+lanes for rings.
+"""
+
+import numpy as np
+
+from ..compiler import kernel
+from ..rod.elastic_kernels import angle_over_sine
+from ..rod.section_kernels import hill_secant, isometric_stress, passive_stress
+from .layout import AssemblyRow, stride_of
+
+ONE = np.uint64(1)
+
+
+@kernel
+def passive_tangent(law, s):
+    """Slope of the passive stress in tension, and the modulus of compression as its lower bound."""
+    p, x = law.passive, min(max(s, 1.0), law.high)
+    total = 8 * p[0] * x + 7 * p[1]
+    total = total * x + 6 * p[2]
+    total = total * x + 5 * p[3]
+    total = total * x + 4 * p[4]
+    total = total * x + 3 * p[5]
+    total = total * x + 2 * p[6]
+    total = total * x + p[7]
+    return max(total, law.compression)
+
+
+def family_offsets(grid, rings):
+    """Unsigned offsets of the rows of the open rods or of the rings in the one buffer."""
+    open_stride = stride_of(grid.open_slots, grid.lanes)
+    start, stride = (len(AssemblyRow) * open_stride, stride_of(grid.ring_slots, grid.lanes)) if rings else (0, open_stride)
+    return {row.name: np.uint64(start + row * stride) for row in AssemblyRow}
+
+
+def family_kernels(grid, rings, graded=False):
+    """Compile the kernels of one family of rods.
+
+    Parameters
+    ----------
+    grid : AssemblyGrid
+    rings : bool
+        Whether the family is the rings, or the open rods.
+    graded : bool
+        Whether its elements differ in strength and pace (rows of that name).
+
+    Returns
+    -------
+    dict of str to compiled function
+        ``drift, strain, bend, kick, spin, axial, correct`` take ``(buffer, first, last, ...)``, indices within a row.
+    """
+    o = family_offsets(grid, rings)
+    step = np.uint64(grid.lanes if rings else 1)
+    X1, X2, X3, V1, V2, V3 = (o[name] for name in ("X1", "X2", "X3", "V1", "V2", "V3"))
+    Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    W1, W2, W3, T1, T2, T3, N1, N2, N3 = (o[f"{field}{i}"] for field in "WTN" for i in (1, 2, 3))
+    F1, F2, F3, C1, C2, C3 = (o[f"{field}{i}"] for field in "FC" for i in (1, 2, 3))
+    TORQUE1, TORQUE2, TORQUE3, REST1, REST2, REST3 = (o[f"{field}{i}"] for field in ("TORQUE", "REST") for i in (1, 2, 3))
+    P1, P2, P3, R1, R2, R3 = (o[f"{field}{i}"] for field in ("MPLUS", "MMINUS") for i in (1, 2, 3))
+    LENGTH, SHEAR, AREA, REST_RADIUS, STRETCH, RATE, RADIUS = (
+        o[k] for k in ("LENGTH", "SHEAR", "AREA", "REST_RADIUS", "STRETCH", "RATE", "RADIUS")
+    )
+    JOINT_LENGTH, BEND, TWIST, LEVEL_BEFORE, LEVEL_AFTER = (o[k] for k in ("JOINT_LENGTH", "BEND", "TWIST", "LEVEL_BEFORE", "LEVEL_AFTER"))
+    STRENGTH, PACE = o["STRENGTH"], o["PACE"]
+    NODE_DECAY, NODE_MOBILITY, BEND_DECAY, TWIST_DECAY = (o[k] for k in ("NODE_DECAY", "NODE_MOBILITY", "BEND_DECAY", "TWIST_DECAY"))
+    BEND_MOBILITY, TWIST_MOBILITY, BEND_INERTIA, TWIST_INERTIA = (
+        o[k] for k in ("BEND_MOBILITY", "TWIST_MOBILITY", "BEND_INERTIA", "TWIST_INERTIA")
+    )
+    YIELD, SCALE, IMPULSE, CORRECTION = (o[k] for k in ("YIELD", "SCALE", "IMPULSE", "CORRECTION"))
+
+    @kernel
+    def drift(b, first, last, h):
+        for k in range(first, last):
+            b[X1 + k] += h * b[V1 + k]
+            b[X2 + k] += h * b[V2 + k]
+            b[X3 + k] += h * b[V3 + k]
+            u1, u2, u3 = h * b[W1 + k], h * b[W2 + k], h * b[W3 + k]
+            square = u1 * u1 + u2 * u2 + u3 * u3
+            sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040)))
+            cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320)))
+            # Rows of exp(-[u]): 1 - sine [u] + cosine (u u^T - u.u).
+            r11, r22, r33 = 1 - cosine * (u2 * u2 + u3 * u3), 1 - cosine * (u1 * u1 + u3 * u3), 1 - cosine * (u1 * u1 + u2 * u2)
+            c12, c13, c23 = cosine * u1 * u2, cosine * u1 * u3, cosine * u2 * u3
+            s1, s2, s3 = sine * u1, sine * u2, sine * u3
+            a, d, g = b[Q11 + k], b[Q21 + k], b[Q31 + k]
+            b[Q11 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
+            b[Q21 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
+            b[Q31 + k] = (c13 + s2) * a + (c23 - s1) * d + r33 * g
+            a, d, g = b[Q12 + k], b[Q22 + k], b[Q32 + k]
+            b[Q12 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
+            b[Q22 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
+            b[Q32 + k] = (c13 + s2) * a + (c23 - s1) * d + r33 * g
+            a, d, g = b[Q13 + k], b[Q23 + k], b[Q33 + k]
+            b[Q13 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
+            b[Q23 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
+            b[Q33 + k] = (c13 + s2) * a + (c23 - s1) * d + r33 * g
+
+    @kernel
+    def strain(b, first, last, share, elastic, law):
+        for k in range(first, last):
+            q = k + step
+            d1, d2, d3 = b[X1 + q] - b[X1 + k], b[X2 + q] - b[X2 + k], b[X3 + q] - b[X3 + k]
+            length = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
+            inverse = 1 / length
+            t1, t2, t3 = d1 * inverse, d2 * inverse, d3 * inverse
+            rest = b[LENGTH + k]
+            stretch = length / rest
+            unstretch = rest * inverse
+            u1, u2, u3 = b[V1 + q] - b[V1 + k], b[V2 + q] - b[V2 + k], b[V3 + q] - b[V3 + k]
+            rate = (t1 * u1 + t2 * u2 + t3 * u3) / rest
+            level = b[LEVEL_BEFORE + k] + share * (b[LEVEL_AFTER + k] - b[LEVEL_BEFORE + k])
+            strength, pace = (b[STRENGTH + k], b[PACE + k]) if graded else (1.0, 1.0)
+            isometric = strength * level * isometric_stress(law, stretch)
+            viscosity = pace * isometric * hill_secant(law, pace * rate)
+            stress = (strength if stretch > 1.0 else 1.0) * passive_stress(law, stretch) + isometric + viscosity * rate
+            area = b[AREA + k]
+            b[YIELD + k] = length / (area * (viscosity + elastic * passive_tangent(law, stretch)) + 1e-30)
+            m1 = b[Q11 + k] * t1 + b[Q12 + k] * t2 + b[Q13 + k] * t3
+            m2 = b[Q21 + k] * t1 + b[Q22 + k] * t2 + b[Q23 + k] * t3
+            m3 = b[Q31 + k] * t1 + b[Q32 + k] * t2 + b[Q33 + k] * t3
+            s1, s2 = b[SHEAR + k] * m1, b[SHEAR + k] * m2
+            tension = area * stress * unstretch
+            b[STRETCH + k], b[RATE + k], b[RADIUS + k] = stretch, rate, b[REST_RADIUS + k] * np.sqrt(unstretch)
+            b[T1 + k], b[T2 + k], b[T3 + k] = t1, t2, t3
+            b[N1 + k] = b[Q11 + k] * s1 + b[Q21 + k] * s2 + tension * t1
+            b[N2 + k] = b[Q12 + k] * s1 + b[Q22 + k] * s2 + tension * t2
+            b[N3 + k] = b[Q13 + k] * s1 + b[Q23 + k] * s2 + tension * t3
+            w1, w2, w3 = b[W1 + k], b[W2 + k], b[W3 + k]
+            j1, j2, j3 = b[BEND_INERTIA + k] * w1 * unstretch, b[BEND_INERTIA + k] * w2 * unstretch, b[TWIST_INERTIA + k] * w3 * unstretch
+            swelling = rate * unstretch
+            lever = length
+            b[TORQUE1 + k] = -m3 * s2 * lever + j2 * w3 - j3 * w2 + j1 * swelling
+            b[TORQUE2 + k] = m3 * s1 * lever + j3 * w1 - j1 * w3 + j2 * swelling
+            b[TORQUE3 + k] = (m1 * s2 - m2 * s1) * lever + j1 * w2 - j2 * w1 + j3 * swelling
+
+    @kernel
+    def bend(b, first, last):
+        for k in range(first, last):
+            p = k - step
+            a11, a12, a13, a21, a22, a23, a31, a32, a33 = (
+                b[Q11 + p], b[Q12 + p], b[Q13 + p], b[Q21 + p], b[Q22 + p], b[Q23 + p], b[Q31 + p], b[Q32 + p], b[Q33 + p],
+            )  # fmt: skip
+            c11, c12, c13, c21, c22, c23, c31, c32, c33 = (
+                b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k],
+            )  # fmt: skip
+            trace = (
+                c11 * a11 + c12 * a12 + c13 * a13 + c21 * a21 + c22 * a22 + c23 * a23 + c31 * a31 + c32 * a32 + c33 * a33
+            )  # fmt: skip
+            joint = b[JOINT_LENGTH + k]
+            inverse = 1 / joint
+            factor = 0.5 * angle_over_sine(0.25 * (3 - trace)) * inverse
+            k1 = factor * (c21 * a31 + c22 * a32 + c23 * a33 - c31 * a21 - c32 * a22 - c33 * a23)
+            k2 = factor * (c31 * a11 + c32 * a12 + c33 * a13 - c11 * a31 - c12 * a32 - c13 * a33)
+            k3 = factor * (c11 * a21 + c12 * a22 + c13 * a23 - c21 * a11 - c22 * a12 - c23 * a13)
+            swell = 0.5 * (b[STRETCH + k] * b[LENGTH + k] + b[STRETCH + p] * b[LENGTH + p]) * inverse
+            soften = 1 / (swell * swell * swell)
+            bending, twisting = b[BEND + k] * soften, b[TWIST + k] * soften
+            m1, m2, m3 = bending * (k1 - b[REST1 + k]), bending * (k2 - b[REST2 + k]), twisting * (k3 - b[REST3 + k])
+            half = 0.5 * joint
+            k1, k2, k3 = k1 * half, k2 * half, k3 * half
+            a1, a2, a3 = k2 * m3 - k3 * m2, k3 * m1 - k1 * m3, k1 * m2 - k2 * m1
+            b[P1 + k], b[P2 + k], b[P3 + k] = m1 + a1, m2 + a2, m3 + a3
+            b[R1 + k], b[R2 + k], b[R3 + k] = m1 - a1, m2 - a2, m3 - a3
+
+    @kernel
+    def kick(b, first, last):
+        for k in range(first, last):
+            p = k - step
+            decay, mobility = b[NODE_DECAY + k], b[NODE_MOBILITY + k]
+            b[V1 + k] = decay * b[V1 + k] + mobility * (b[N1 + k] - b[N1 + p] + b[F1 + k])
+            b[V2 + k] = decay * b[V2 + k] + mobility * (b[N2 + k] - b[N2 + p] + b[F2 + k])
+            b[V3 + k] = decay * b[V3 + k] + mobility * (b[N3 + k] - b[N3 + p] + b[F3 + k])
+
+    @kernel
+    def spin(b, first, last):
+        for k in range(first, last):
+            q = k + step
+            bend_decay, bend_mobility = b[BEND_DECAY + k], b[BEND_MOBILITY + k] * b[STRETCH + k]
+            c1, c2, c3 = b[C1 + k], b[C2 + k], b[C3 + k]
+            torque1 = b[P1 + q] - b[R1 + k] + b[TORQUE1 + k] + b[Q11 + k] * c1 + b[Q12 + k] * c2 + b[Q13 + k] * c3
+            torque2 = b[P2 + q] - b[R2 + k] + b[TORQUE2 + k] + b[Q21 + k] * c1 + b[Q22 + k] * c2 + b[Q23 + k] * c3
+            torque3 = b[P3 + q] - b[R3 + k] + b[TORQUE3 + k] + b[Q31 + k] * c1 + b[Q32 + k] * c2 + b[Q33 + k] * c3
+            b[W1 + k] = bend_decay * b[W1 + k] + bend_mobility * torque1
+            b[W2 + k] = bend_decay * b[W2 + k] + bend_mobility * torque2
+            b[W3 + k] = b[TWIST_DECAY + k] * b[W3 + k] + b[TWIST_MOBILITY + k] * b[STRETCH + k] * torque3
+
+    @kernel
+    def axial(b, first, last):
+        for k in range(first, last):
+            q = k + step
+            t1, t2, t3 = b[T1 + k], b[T2 + k], b[T3 + k]
+            along = t1 * (b[V1 + q] - b[V1 + k]) + t2 * (b[V2 + q] - b[V2 + k]) + t3 * (b[V3 + q] - b[V3 + k])
+            b[SCALE + k] = b[YIELD + k] + b[NODE_MOBILITY + k] + b[NODE_MOBILITY + q]
+            b[CORRECTION + k] = -b[NODE_MOBILITY + q] * (t1 * b[T1 + q] + t2 * b[T2 + q] + t3 * b[T3 + q])
+            b[IMPULSE + k] = along - b[RATE + k] * b[LENGTH + k]
+
+    @kernel
+    def correct(b, first, last):
+        for k in range(first, last):
+            p = k - step
+            mobility, here, before = b[NODE_MOBILITY + k], b[IMPULSE + k], b[IMPULSE + p]
+            b[V1 + k] += mobility * (here * b[T1 + k] - before * b[T1 + p])
+            b[V2 + k] += mobility * (here * b[T2 + k] - before * b[T2 + p])
+            b[V3 + k] += mobility * (here * b[T3 + k] - before * b[T3 + p])
+
+    return {"drift": drift, "strain": strain, "bend": bend, "kick": kick, "spin": spin, "axial": axial, "correct": correct}
+
+
+def open_solver(grid):
+    """Compile the tridiagonal solver of `rods` open rods of n elements side by side, the first in slot `slot`, each `wide` slots wide."""
+    o, lanes = family_offsets(grid, False), grid.lanes
+    SCALE, IMPULSE, CORRECTION = o["SCALE"], o["IMPULSE"], o["CORRECTION"]
+
+    @kernel
+    def solve(b, n, rods, slot, wide):
+        # Rods in the inner loop: their chains of divisions run side by side in the processor.
+        jump, start = wide * np.uint64(lanes), slot * np.uint64(lanes)
+        for r in range(rods):
+            ghost = start + np.uint64(r) * jump
+            b[SCALE + ghost], b[IMPULSE + ghost], b[CORRECTION + ghost] = 0.0, 0.0, 0.0
+            b[IMPULSE + ghost + n + ONE] = 0.0
+            b[CORRECTION + ghost + n] = 0.0
+        for e in range(ONE, n + ONE):
+            k = start + e
+            for _ in range(rods):
+                p = k - ONE
+                coupling = b[CORRECTION + p]
+                scale = 1 / (b[SCALE + k] - coupling * coupling * b[SCALE + p])
+                b[SCALE + k] = scale
+                b[IMPULSE + k] = scale * (b[IMPULSE + k] - coupling * b[IMPULSE + p])
+                k += jump
+        e = n - ONE
+        while e >= ONE:
+            k = start + e
+            for _ in range(rods):
+                b[IMPULSE + k] -= b[SCALE + k] * b[CORRECTION + k] * b[IMPULSE + k + ONE]
+                k += jump
+            e -= ONE
+
+    return solve
+
+
+def ring_solver(grid):
+    """Compile the cyclic solver of all rings, and the copies of their seam."""
+    o, lanes, nodes = family_offsets(grid, True), grid.lanes, grid.ring_nodes
+    SCALE, IMPULSE, CORRECTION, CYCLE = o["SCALE"], o["IMPULSE"], o["CORRECTION"], o["RATE"]
+    seam_before = tuple(o[name] for name in ("STRETCH", "T1", "T2", "T3", "N1", "N2", "N3"))
+    width, end = np.uint64(lanes), np.uint64(nodes * lanes)
+
+    @kernel
+    def solve(b):
+        # RATE is not needed any more and holds the second right-hand side.
+        for i in range(width):
+            k, last = width + i, end + i
+            corner, head = b[CORRECTION + last], b[SCALE + k]
+            scale = 1 / (2 * head)
+            b[SCALE + last] += corner * corner / head
+            b[SCALE + k], b[IMPULSE + k], b[CYCLE + k] = scale, scale * b[IMPULSE + k], -0.5
+        for node in range(np.uint64(2), np.uint64(nodes + 1)):
+            base = node * width
+            for i in range(width):
+                k = base + i
+                p = k - width
+                coupling = b[CORRECTION + p]
+                scale = 1 / (b[SCALE + k] - coupling * coupling * b[SCALE + p])
+                b[SCALE + k] = scale
+                b[IMPULSE + k] = scale * (b[IMPULSE + k] - coupling * b[IMPULSE + p])
+                b[CYCLE + k] = -scale * coupling * b[CYCLE + p]
+        for i in range(width):
+            b[CYCLE + end + i] += b[SCALE + end + i] * b[CORRECTION + end + i]
+        node = np.uint64(nodes - 1)
+        while node >= ONE:
+            base = node * width
+            for i in range(width):
+                k = base + i
+                q = k + width
+                back = b[SCALE + k] * b[CORRECTION + k]
+                b[IMPULSE + k] -= back * b[IMPULSE + q]
+                b[CYCLE + k] -= back * b[CYCLE + q]
+            node -= ONE
+        for i in range(width):
+            k, last = width + i, end + i
+            # u = (-d, 0, ..., c), v = (1, 0, ..., -c / d) with d the first diagonal, which the first pivot still holds.
+            ratio = -2 * b[CORRECTION + last] * b[SCALE + k]
+            top = b[IMPULSE + k] + ratio * b[IMPULSE + last]
+            b[SCALE + i] = top / (1 + b[CYCLE + k] + ratio * b[CYCLE + last])
+        for node in range(ONE, np.uint64(nodes + 1)):
+            base = node * width
+            for i in range(width):
+                b[IMPULSE + base + i] -= b[SCALE + i] * b[CYCLE + base + i]
+        for i in range(width):
+            b[IMPULSE + i] = b[IMPULSE + end + i]
+
+    first_rows = tuple(o[name] for name in ("X1", "X2", "X3", "V1", "V2", "V3"))
+    turn_rows = tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    after_rows = tuple(o[name] for name in ("T1", "T2", "T3", "MPLUS1", "MPLUS2", "MPLUS3"))
+    speed_rows = tuple(o[name] for name in ("V1", "V2", "V3"))
+    seam = np.uint64(nodes * lanes)
+
+    @kernel
+    def close_state(b):
+        for row in first_rows:
+            for i in range(width):
+                b[row + seam + width + i] = b[row + width + i]
+        for row in turn_rows:
+            for i in range(width):
+                b[row + i] = b[row + seam + i]
+
+    @kernel
+    def close_strain(b):
+        for row in seam_before:
+            for i in range(width):
+                b[row + i] = b[row + seam + i]
+
+    @kernel
+    def close_moment(b):
+        for row in after_rows:
+            for i in range(width):
+                b[row + seam + width + i] = b[row + width + i]
+
+    @kernel
+    def close_speed(b):
+        for row in speed_rows:
+            for i in range(width):
+                b[row + seam + width + i] = b[row + width + i]
+
+    return solve, close_state, close_strain, close_moment, close_speed
+
+
+def ring_spin_brake(grid):
+    """Compile ``brake(buffer, share)``: take away a share of each ring element's spin relative to the mean spin of its ring.
+
+    The orientation lock of ring and muscle turns ring elements with a couple that does not know their frame, which feeds a flutter of
+    single elements. Damping against the ring's own mean, not the laboratory, leaves the twisting of the arm as it is.
+    """
+    o, lanes, nodes = family_offsets(grid, True), grid.lanes, grid.ring_nodes
+    Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    W1, W2, W3, MEAN1, MEAN2, MEAN3 = (o[k] for k in ("W1", "W2", "W3", "SCALE", "IMPULSE", "CORRECTION"))
+    width, last = np.uint64(lanes), np.uint64(nodes + 1)
+
+    @kernel
+    def brake(b, share):
+        for i in range(width):
+            b[MEAN1 + i], b[MEAN2 + i], b[MEAN3 + i] = 0.0, 0.0, 0.0
+        part = 1 / nodes
+        for node in range(ONE, last):
+            base = node * width
+            for i in range(width):
+                k = base + i
+                w1, w2, w3 = part * b[W1 + k], part * b[W2 + k], part * b[W3 + k]
+                b[MEAN1 + i] += b[Q11 + k] * w1 + b[Q21 + k] * w2 + b[Q31 + k] * w3
+                b[MEAN2 + i] += b[Q12 + k] * w1 + b[Q22 + k] * w2 + b[Q32 + k] * w3
+                b[MEAN3 + i] += b[Q13 + k] * w1 + b[Q23 + k] * w2 + b[Q33 + k] * w3
+        for node in range(ONE, last):
+            base = node * width
+            for i in range(width):
+                k = base + i
+                m1, m2, m3 = b[MEAN1 + i], b[MEAN2 + i], b[MEAN3 + i]
+                b[W1 + k] -= share * (b[W1 + k] - b[Q11 + k] * m1 - b[Q12 + k] * m2 - b[Q13 + k] * m3)
+                b[W2 + k] -= share * (b[W2 + k] - b[Q21 + k] * m1 - b[Q22 + k] * m2 - b[Q23 + k] * m3)
+                b[W3 + k] -= share * (b[W3 + k] - b[Q31 + k] * m1 - b[Q32 + k] * m2 - b[Q33 + k] * m3)
+
+    return brake
+
+
+def cord_brake(grid):
+    """Compile ``brake(buffer, share, first, last)``: take away a share of each cord node's velocity relative to the muscles around it.
+
+    Impulses are equal and opposite, so momentum stays. The cord has no water around it and nothing else that dissipates, and the pressure,
+    which follows its axis, feeds a flutter of the buckled cord.
+    """
+    o = family_offsets(grid, False)
+    MOBILITY, velocities = o["NODE_MOBILITY"], tuple(o[f"V{i}"] for i in (1, 2, 3))
+    width, stop = np.uint64(grid.lanes), np.uint64(grid.straight_rods * grid.lanes)
+    part = 1 / grid.spokes
+
+    @kernel
+    def brake(b, share, first, last):
+        for row in velocities:
+            for k in range(first, last):
+                mean = 0.0
+                for rod in range(width, stop, width):
+                    mean += b[row + rod + k]
+                impulse = share * (b[row + k] - part * mean) / (b[MOBILITY + k] + part * b[MOBILITY + width + k])
+                b[row + k] -= b[MOBILITY + k] * impulse
+                gain = part * b[MOBILITY + width + k] * impulse
+                for rod in range(width, stop, width):
+                    b[row + rod + k] += gain
+
+    return brake

@@ -1,0 +1,86 @@
+"""Where the fields of the assembly stand in its four flat buffers.
+
+Every buffer is rows of one float64 array with a stride known at compile time (see `octoctrl.sim.rod.layout` for why). Within a row:
+
+    straight rods + helices   ``slot * lanes + lane``        cord and longitudinal muscles first, one slot each; then the helices, as many
+                                                              slots each as they have nodes per ring; lane of element e: e + 1, of
+                                                              node k: k + 1, ghosts around
+    rings                     ``(node + 1) * lanes + lane``  lane of ring i: i + 1, the first and the last slot are ghost copies
+    spokes                    ``slot * lanes + lane``        scratch of the connections at the longitudinal muscles, with copies of the last
+                                                              quarter turn before them and of the first half turn behind them
+    crossings                 ``j * lanes + lane``           scratch of the connections of helix j with the rings
+
+So the next element of an open rod is 1 away, the next element of all rings at once `lanes` away, and the same kernels serve both: what
+differs is a compile-time constant. Lanes are rings, and longitudinal elements stand in the lane of their ring. All counts are those of an
+`octoctrl.sim.body.grid.AssemblyGrid`, and every kernel of the assembly is compiled for one.
+"""
+
+from enum import auto
+
+from ..rod.layout import _Row
+
+STATE_ROWS = 18
+
+
+class AssemblyRow(_Row):
+    """Rows of the two rod buffers; directors, angular velocity, torques and moments are material, all else is in the lab frame."""
+
+    X1, X2, X3, V1, V2, V3 = (auto() for _ in range(6))
+    Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (auto() for _ in range(9))
+    W1, W2, W3 = (auto() for _ in range(3))
+    # Parameters: rest length, shear stiffness, rest radius, area; joint length, bend and twist stiffness, rest curvature.
+    LENGTH, SHEAR, REST_RADIUS, AREA, JOINT_LENGTH, BEND, TWIST, REST1, REST2, REST3 = (auto() for _ in range(10))
+    NODE_DECAY, NODE_MOBILITY, BEND_DECAY, TWIST_DECAY, BEND_MOBILITY, TWIST_MOBILITY = (auto() for _ in range(6))
+    BEND_INERTIA, TWIST_INERTIA, LEVEL_BEFORE, LEVEL_AFTER, STRENGTH, PACE = (auto() for _ in range(6))
+    # Scratch: F and C collect the forces on nodes and the couples on elements of the connections.
+    STRETCH, RATE, RADIUS, T1, T2, T3, N1, N2, N3, TORQUE1, TORQUE2, TORQUE3 = (auto() for _ in range(12))
+    MPLUS1, MPLUS2, MPLUS3, MMINUS1, MMINUS2, MMINUS3 = (auto() for _ in range(6))
+    F1, F2, F3, C1, C2, C3 = (auto() for _ in range(6))
+    YIELD, SCALE, IMPULSE, CORRECTION = (auto() for _ in range(4))
+
+
+class SpokeRow(_Row):
+    """Rows of the spokes' buffer."""
+
+    # Ring node, ring radius; longitudinal element: centre, edge, directors, radius, root of stretch; the cord's, repeated.
+    S1, S2, S3, RING_RADIUS = (auto() for _ in range(4))
+    M1, M2, M3, D1, D2, D3, RADIUS, UNROOT = (auto() for _ in range(8))
+    Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (auto() for _ in range(9))
+    A1, A2, A3, CORD_RADIUS, CORD_UNROOT = (auto() for _ in range(5))
+    U1, U2, U3 = (auto() for _ in range(3))
+    # Parameters: cord to muscle (C_), muscle to its neighbour (N_), ring joints (R_).
+    CU11, CU12, CU13, CU21, CU22, CU23, C_GAP, C_SPRING, C_CONTACT = (auto() for _ in range(9))
+    NU11, NU12, NU13, NU21, NU22, NU23, N_GAP, N_SPRING, N_CONTACT = (auto() for _ in range(9))
+    R_SPRING, R_TORQUE, R_CONTACT, R_NEXT, R_REPULSION, R_EFFECTIVE = (auto() for _ in range(6))
+    # Results: on the muscle (F force on the element, T couple, SUM and G pressure bookkeeping), on the first muscle's neighbour (_N),
+    # on the cord (_C), on the ring node and element (_R), on the next ring's node (_X). Directions of the joint.
+    F1, F2, F3, T1, T2, T3, SUM, G1, G2, G3 = (auto() for _ in range(10))
+    F1_N, F2_N, F3_N, T1_N, T2_N, T3_N, SUM_N, G1_N, G2_N, G3_N = (auto() for _ in range(10))
+    F1_C, F2_C, F3_C, T1_C, T2_C, T3_C, SUM_C, G1_C, G2_C, G3_C = (auto() for _ in range(10))
+    F1_R, F2_R, F3_R, T1_R, T2_R, T3_R = (auto() for _ in range(6))
+    F1_X, F2_X, F3_X = (auto() for _ in range(3))
+    O1, O2, O3, P1, P2, P3 = (auto() for _ in range(6))
+
+
+class CrossingRow(_Row):
+    """Rows of the crossings' buffer: ring nodes q + d, d = -2..2, and opposite node; helix nodes h - 1, h, h + 1; with their radii."""
+
+    A1, A2, A3, A_RADIUS = (auto() for _ in range(4))
+    B1, B2, B3, B_RADIUS = (auto() for _ in range(4))
+    S1, S2, S3, S_RADIUS = (auto() for _ in range(4))
+    D1, D2, D3, D_RADIUS = (auto() for _ in range(4))
+    E1, E2, E3, E_RADIUS = (auto() for _ in range(4))
+    O1, O2, O3 = (auto() for _ in range(3))
+    P1, P2, P3, P_RADIUS = (auto() for _ in range(4))
+    H1, H2, H3, H_RADIUS = (auto() for _ in range(4))
+    N1, N2, N3, N_RADIUS = (auto() for _ in range(4))
+    SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE, SHARE, ARC = (auto() for _ in range(7))
+    # Forces on ring nodes and helix nodes.
+    FA1, FA2, FA3, FB1, FB2, FB3, FS1, FS2, FS3, FD1, FD2, FD3, FE1, FE2, FE3 = (auto() for _ in range(15))
+    FP1, FP2, FP3, FH1, FH2, FH3, FN1, FN2, FN3 = (auto() for _ in range(9))
+
+
+def stride_of(slots, lanes):
+    """Row length: no multiple of 512 numbers, so that the rows do not fall on the same cache lines."""
+    stride = max(slots * lanes, 576) + 8
+    return stride + 8 if stride % 512 == 0 else stride

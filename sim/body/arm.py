@@ -1,0 +1,322 @@
+"""The arm: outline, tissue and muscle layout, as continuous functions of arclength.
+
+Cross-section of the octopus arm (Tekinalp et al. 2024): an axial nerve cord (ANC) in the middle, eight longitudinal muscles (LM1…LM8)
+touching it and each other, transverse muscle (TM) wound around them, and two families of four oblique helices outside:
+
+    ANC radius r_c, LM radius r_o           (touching circles: r_o = (r_c + r_o) sin(pi/8))
+    TM   at radius r_c + 2 r_o + r_t
+    OM   at radius r_c + 2 r_o + 2 r_t + r_h
+
+The material frame at rest has d1 = +z, d2 = +x, d3 = +y (arm axis); LM m stands at azimuth 45° (m - 1) from +x towards +z, which is the
+material direction (sin, cos, 0). R-OM is the geometrically right-handed family (its contraction gives negative twist), L-OM the other.
+"""
+
+import hashlib
+from dataclasses import asdict, dataclass, field, fields
+from math import atan2, cos, degrees, pi, sin, sqrt, tau
+
+import numpy as np
+
+from ..errors import OctoctrlError, check_number
+from .muscles import LONGITUDINAL, TRANSVERSE, MuscleLaw
+
+LONGITUDINAL_GROUPS = tuple(f"LM{number}" for number in range(1, 9))
+MUSCLE_GROUPS = (*LONGITUDINAL_GROUPS, "R-OM", "L-OM", "TM")
+"""The groups that can be activated, in the order of every array indexed by group."""
+
+
+def azimuth(group):
+    """Azimuth of a longitudinal muscle, rad, from +x (d2) towards +z (d1)."""
+    return (int(group[2:]) - 1) * pi / 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LumpedSection:
+    """What a one-rod arm must lump, because its cross-section has no rods of its own that could move.
+
+    The three scalars were tuned to the recorded twist storage of the assembly of 197 rods.
+
+    Attributes
+    ----------
+    hoop_ratio : float
+        Exponent nu in (radius / rest radius) = stretch**-nu; 0.5 is a section that keeps its volume with rigid connections,
+        less is what compliant connections between the layers leave of it.
+    oblique_passive : float
+        Factor on the passive stress of the oblique fibres, which also stands for the tissue that they are embedded in.
+    torsion : float
+        Factor on the torsional stiffness of the straight rods, for their winding round each other.
+    """
+
+    hoop_ratio: float = 0.19
+    oblique_passive: float = 2.7
+    torsion: float = 3.0
+
+    def __post_init__(self):
+        check_number("hoop_ratio", self.hoop_ratio, at_least=0.0, at_most=0.5)
+        check_number("oblique_passive", self.oblique_passive, above=0.0)
+        check_number("torsion", self.torsion, above=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arm:
+    """A tapered muscular arm.
+
+    Attributes
+    ----------
+    name : str
+    length : float, m
+    base_radius : float, m
+        Nominal radius at the base, before the oblique layer; the section's areas are fractions of its disc.
+    taper : float
+        Base radius over tip radius.
+    elements : int
+        Elements along the arm of the one-rod model.
+    grading : float
+        Elements are as long as the local radius to this power, so that the thin tip, which curls most, is resolved as well as the base.
+    straight_fraction : float
+        Share of the nominal disc taken by nerve cord and longitudinal muscles.
+    ring_radius : float, m
+        Radius of the transverse fibres, which fill a layer of twice that thickness.
+    oblique_radius : float, m
+        Radius of an oblique fibre at the base.
+    oblique_pitch : float, m
+        Axial length of one turn of an oblique fibre (constant along the arm).
+    youngs_modulus, shear_modulus : float, Pa
+        Of the passive tissue; they set shear, bending and twist of the straight rods.
+    densities : (float, float, float, float), kg/m^3
+        Nerve cord, longitudinal, transverse, oblique.
+    longitudinal, oblique, transverse : MuscleLaw
+    lumped : LumpedSection
+
+    Raises
+    ------
+    OctoctrlError
+        If a length, ratio or count is outside what rod theory can carry.
+
+    References
+    ----------
+    Tekinalp et al. (2024), *Topology, dynamics, and control of a muscle-architected soft arm*, Methods and SI.
+    """
+
+    name: str = "octopus-20cm"
+    length: float = 0.2
+    base_radius: float = 0.012
+    taper: float = 12.0
+    elements: int = 48
+    grading: float = 1.0
+    straight_fraction: float = 0.62
+    ring_radius: float = 0.2 / 360
+    oblique_radius: float = 1.1322951e-3
+    oblique_pitch: float = 0.2 / 9
+    youngs_modulus: float = 10e3
+    shear_modulus: float = 10e3 / 1.5
+    densities: tuple[float, float, float, float] = (1050.0, 1261.238, 858.4457, 1047.449)
+    longitudinal: MuscleLaw = field(default=LONGITUDINAL)
+    oblique: MuscleLaw = field(default=LONGITUDINAL)
+    transverse: MuscleLaw = field(default=TRANSVERSE)
+    lumped: LumpedSection = field(default=LumpedSection())
+
+    def __post_init__(self):
+        metres = f"lengths are SI - did you mean {self.length / 100:.2f} ({self.length:g} cm)?" if _is_number(self.length) else ""
+        check_number("length", self.length, at_least=1e-3, at_most=5.0, unit="m", advice=metres)
+        check_number("base_radius", self.base_radius, at_least=1e-4 * self.length, unit="m")
+        ratio = self.base_radius / self.length
+        if ratio >= 0.25:
+            raise OctoctrlError(
+                f"radius {self.base_radius:g} m for a {self.length:.2f} m arm: rod theory wants radius/length < 0.25, found {ratio:.2f}"
+            )
+        check_number("taper", self.taper, at_least=1.0, at_most=50.0)
+        if not isinstance(self.elements, int) or self.elements < 8:
+            raise OctoctrlError(
+                f"elements={self.elements}: at least 8 are needed to carry a curvature packet (10 per packet width advised)"
+            )
+        check_number("elements", self.elements, at_most=2000)
+        check_number("grading", self.grading, at_least=0.0, at_most=1.0)
+        self._check_layers()
+
+    def _check_layers(self):
+        check_number("straight_fraction", self.straight_fraction, above=0.0, at_most=1.0)
+        for name in ("ring_radius", "oblique_radius"):
+            check_number(name, getattr(self, name), above=0.0, at_most=self.base_radius, unit="m", advice="a layer is thinner than the arm")
+        check_number("oblique_pitch", self.oblique_pitch, at_least=1e-3 * self.length, unit="m", advice="it is the length of one turn")
+        for name in ("youngs_modulus", "shear_modulus"):
+            check_number(name, getattr(self, name), at_least=1.0, at_most=1e9, unit="Pa", advice="soft tissue has 1e3…1e6 Pa")
+        if not isinstance(self.densities, tuple) or len(self.densities) != 4:
+            raise OctoctrlError(f"densities={self.densities!r}: four are needed (nerve cord, longitudinal, transverse, oblique)")
+        for density in self.densities:
+            check_number("density", density, at_least=1.0, at_most=3e4, unit="kg/m^3")
+        for name in ("longitudinal", "oblique", "transverse"):
+            if not isinstance(getattr(self, name), MuscleLaw):
+                raise OctoctrlError(f"{name}={getattr(self, name)!r}: a MuscleLaw is needed")
+
+    @classmethod
+    def octopus(cls, **changes):
+        """The 20 cm arm of *O. rubescens* in Tekinalp et al. (2024), with any field changed by keyword.
+
+        Raises
+        ------
+        OctoctrlError
+            If a keyword is not a field of `Arm`.
+        """
+        from ..errors import suggest
+
+        known = [item.name for item in fields(cls)]
+        for key in changes:
+            if key not in known:
+                raise OctoctrlError(f"Arm has no field '{key}'{suggest(key, known)} ({', '.join(known)})")
+        return cls(**changes)
+
+    @property
+    def fingerprint(self):
+        """Four hexadecimal digits that differ between arms that differ in any field but the name and the resolution."""
+        content = {key: value for key, value in asdict(self).items() if key not in ("name", "elements", "grading")}
+        return hashlib.sha256(repr(sorted(content.items())).encode()).hexdigest()[:4]
+
+    @property
+    def edges(self):
+        """Arclengths (elements + 1,) of the element boundaries, m, from base to tip."""
+        return self.partition(self.elements, self.grading)
+
+    def partition(self, count, grading):
+        """Arclengths (count + 1,) that divide the arm into parts as long as the local radius to the power `grading`, m."""
+        share = np.linspace(0.0, 1.0, count + 1)
+        slope, power = 1 - 1 / self.taper, 1 - grading
+        if slope < 1e-9:  # no taper, or none that the differences below could resolve
+            return self.length * share
+        # Lengths dL ~ (1 - slope s/L)^grading: equal steps of the integral of its inverse.
+        if power == 0:
+            return self.length * (1 - self.taper**-share) / slope
+        return self.length * (1 - (1 - share * (1 - self.taper**-power)) ** (1 / power)) / slope
+
+    def section(self, arclength):
+        """Cross-section at the given arclengths.
+
+        Parameters
+        ----------
+        arclength : (n,) float64, m
+
+        Returns
+        -------
+        Section
+        """
+        outline = 1 - (1 - 1 / self.taper) * np.asarray(arclength, dtype=float) / self.length
+        cord, muscle = touching_radii(self)
+        return Section(arm=self, cord_radius=cord * outline, muscle_radius=muscle * outline, outline=outline)
+
+    @property
+    def anatomy(self):
+        """How the rods of the full arm are counted, joined, held and damped, as an `Anatomy`."""
+        from .anatomy import OCTOPUS
+
+        return OCTOPUS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """Cross-sections of an arm: radii (n,) in m, and what follows from them."""
+
+    arm: Arm
+    cord_radius: np.ndarray
+    muscle_radius: np.ndarray
+    outline: np.ndarray
+
+    @property
+    def muscle_offset(self):
+        """Distance of the longitudinal muscles from the axis, m."""
+        return self.cord_radius + self.muscle_radius
+
+    @property
+    def ring_offset(self):
+        """Radius of the transverse layer's middle, m."""
+        return self.cord_radius + 2 * self.muscle_radius + self.arm.ring_radius
+
+    @property
+    def fibre_radius(self):
+        """Radius of one oblique fibre, m."""
+        return self.arm.oblique_radius * self.outline
+
+    @property
+    def oblique_offset(self):
+        """Radius of the oblique helices, m."""
+        return self.ring_offset + self.arm.ring_radius + self.fibre_radius
+
+    @property
+    def outer_radius(self):
+        """Radius of the arm's surface, m."""
+        return self.oblique_offset + self.fibre_radius
+
+    @property
+    def oblique_stretch(self):
+        """Rest length of an oblique fibre per unit of arm length."""
+        return np.sqrt(1 + (self.oblique_offset * tau / self.arm.oblique_pitch) ** 2)
+
+    @property
+    def areas(self):
+        """Fibre areas, m^2: nerve cord, one longitudinal muscle, transverse muscle (hoop force per arm length), one oblique family."""
+        ring_density = pi * self.arm.ring_radius**2 / (2 * self.arm.ring_radius)
+        return (
+            pi * self.cord_radius**2,
+            pi * self.muscle_radius**2,
+            tau * self.ring_offset * ring_density,
+            4 * pi * self.fibre_radius**2,
+        )
+
+    @property
+    def masses(self):
+        """Mass per unit length, kg/m: nerve cord, eight longitudinal, transverse, both oblique families."""
+        cord, muscle, ring, oblique = self.areas
+        densities = self.arm.densities
+        return (
+            densities[0] * cord,
+            densities[1] * 8 * muscle,
+            densities[2] * ring,
+            densities[3] * 2 * oblique * self.oblique_stretch,
+        )
+
+    @property
+    def polar_inertias(self):
+        """Polar moment of inertia per unit length, kg m, of the same four layers; bending inertias are half of it."""
+        cord, longitudinal, ring, oblique = self.masses
+        return (
+            cord * self.cord_radius**2 / 2,
+            longitudinal * (self.muscle_offset**2 + self.muscle_radius**2 / 2),
+            ring * self.ring_offset**2,
+            oblique * self.oblique_offset**2,
+        )
+
+    @property
+    def bending_stiffness(self):
+        """Bending stiffness of the straight rods about their own axes, N m^2."""
+        return self.arm.youngs_modulus * pi / 4 * (self.cord_radius**4 + 8 * self.muscle_radius**4)
+
+    @property
+    def twist_stiffness(self):
+        """Torsional stiffness of the straight rods about their own axes, N m^2."""
+        return self.arm.shear_modulus * pi / 2 * (self.cord_radius**4 + 8 * self.muscle_radius**4) * self.arm.lumped.torsion
+
+    @property
+    def shear_stiffness(self):
+        """Shear stiffness 4/3 G A of everything that runs along the arm, N: cord, longitudinal and oblique fibres, but not the rings."""
+        cord, muscle, _, oblique = self.areas
+        return 4 / 3 * self.arm.shear_modulus * (cord + 8 * muscle + 2 * oblique * self.oblique_stretch)
+
+
+def touching_radii(arm, muscles=8):
+    """Radii (m) of the cord and of `muscles` longitudinal muscles around it, which touch it and each other, at the base."""
+    touching = sin(pi / muscles) / (1 - sin(pi / muscles))
+    cord = arm.base_radius * sqrt(arm.straight_fraction / (1 + muscles * touching**2))
+    return cord, touching * cord
+
+
+def oblique_angle(arm, arclength):
+    """Angle between an oblique fibre and the arm's axis, degrees (74.4 at the base of the octopus arm)."""
+    return degrees(atan2(tau * float(arm.section(arclength).oblique_offset), arm.oblique_pitch))
+
+
+def material_direction(angle):
+    """Material components (d1, d2, d3) of the radial direction at azimuth `angle`, rad."""
+    return np.array([sin(angle), cos(angle), 0.0])
+
+
+def _is_number(value):
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -1,0 +1,1 @@
+"""One Cosserat rod: elastic, or with the muscles of an arm. Imports all of `sim` but `assembly`."""

@@ -1,0 +1,394 @@
+"""Muscle fibres at their off-axis places on the cross-section of one rod, and the implicit step of their viscosity.
+
+A fibre's length per rest length of the arm is a function of the section's strains (stretch e, curvatures k1, k2, twist k3); its tension
+does virtual work on them (reduction of Tekinalp et al. 2024 to one rod). With the radius factor lam = e^-nu of the section:
+
+    longitudinal at (r1, r2) = rho lam (sin phi, cos phi):  l^2 = (e + k1 r2 - k2 r1)^2 + (rho lam k3)^2
+    oblique of hand h = +1 (right), -1 (left):              l^2 = e^2 + (rho lam)^2 (h q0 + k3)^2
+    transverse: l = lam                                      nerve cord (passive): l = e
+    T = A sigma(s) / s,   s = l / l_rest,   generalised force T dl/d(e, k)
+
+The force-velocity law acts as a viscosity c = T_v / l' with Hill's secant, tens of times stiffer than anything elastic. It is integrated
+linearly implicitly: with the exact old rates on the right-hand side, and a diagonal bound of the viscosity (plus an elastic tangent) on
+the increments of stretch rate, curvature rate and twist rate, which leaves three scalar tridiagonal systems. The secant at the old rate
+keeps the sign of the driving force, so that it cannot chatter; treated explicitly the law would need steps of nanoseconds.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiler import kernel
+from .layout import offsets
+
+ONE = np.uint64(1)
+MAJORANT = 1.0
+"""Factor on the diagonal viscosity bounds. At one the step is stable: the fibres couple two blocks, stretch and spin, so that the sum of
+the blocks is at least half of the whole. What the bound exceeds the true viscosity by delays the viscous stress by about one step."""
+DISSIPATION = 0.1
+"""Share of the implicit elastic term that also brakes the old stretch rate. Without it an arm whose passive fibres are pulled over their
+slack within few steps, such as one let go at 1.3 times its length, keeps trembling at the step's scale; tips of the usual programmes move
+by less than 0.02 % of the length through it."""
+
+
+class LawConstants(NamedTuple):
+    """Scalars of one muscle law for the compiled code; see `octoctrl.sim.body.muscles.MuscleLaw`."""
+
+    stress: float
+    compression: float
+    slack: float
+    rate: float
+    concentric: float
+    eccentric_gain: float
+    eccentric: float
+    low: float
+    high: float
+    high_slope: float
+    tangent: float
+    active: tuple
+    passive: tuple
+
+
+def law_constants(law, passive_factor=1.0):
+    """Constants of a `MuscleLaw`, with a factor on its passive stress."""
+    scale = law.maximum_stress * law.passive_scale * passive_factor
+    stretches = np.linspace(1.0, 1.4, 81)
+    return LawConstants(
+        stress=law.maximum_stress,
+        compression=law.compression_modulus * passive_factor,
+        slack=law.slack,
+        rate=1 / law.maximum_rate,
+        concentric=1 / law.curvature,
+        eccentric_gain=(law.eccentric_plateau - 1) * (1 + law.eccentric_slope / law.curvature),
+        eccentric=law.eccentric_slope / law.curvature,
+        low=law.range[0],
+        high=law.range[1],
+        high_slope=scale * float(np.polyval(np.polyder(law.passive), law.range[1])),
+        tangent=float(scale * np.polyval(np.polyder(law.passive), stretches).max()),
+        active=tuple(float(c) for c in law.active),
+        passive=tuple(float(scale * c) for c in law.passive),
+    )
+
+
+@kernel
+def horner(c, x):
+    """A polynomial of degree 8 with coefficients `c`, highest power first."""
+    total = c[0] * x + c[1]
+    total = total * x + c[2]
+    total = total * x + c[3]
+    total = total * x + c[4]
+    total = total * x + c[5]
+    total = total * x + c[6]
+    total = total * x + c[7]
+    return total * x + c[8]
+
+
+@kernel
+def passive_stress(law, s):
+    """Passive stress; twin of `MuscleLaw.passive_stress`."""
+    inside = min(max(s, 1.0), law.high)
+    curve = max(horner(law.passive, inside) + law.high_slope * max(s - law.high, 0.0), 0.0)
+    tension = curve if s > 1.0 + law.slack else 0.0
+    return tension + law.compression * min(s - 1.0 + law.slack, 0.0)
+
+
+@kernel
+def isometric_stress(law, s):
+    """Active stress per activation at rest; twin of `MuscleLaw.active_factor`."""
+    return law.stress * max(horner(law.active, min(max(s, law.low), law.high)), 0.0)
+
+
+@kernel
+def hill_secant(law, rate):
+    """(f_v - 1) / rate >= 0 at a stretch rate, s: what the isometric stress is multiplied with to give a viscosity."""
+    w = -rate * law.rate
+    above = 1.0 + law.concentric if w > 0.0 else law.eccentric_gain
+    below = max(1.0 + law.concentric * w, (1.0 + law.concentric) * w) if w > 0.0 else 1.0 - law.eccentric * w
+    return law.rate * above / below
+
+
+def fibre_kernels(stride):
+    """Compile the active part of each kind of fibre for buffers of the given stride; `section_kernels` has the passive part.
+
+    Parameters
+    ----------
+    stride : int
+
+    Returns
+    -------
+    longitudinal, oblique, transverse : compiled functions
+        They add to TENSION, MOMENT1..3 and the STIFF rows, each for one muscle group: ``(buffer, n, sine, cosine, law)``,
+        ``(buffer, n, winding, law)`` and ``(buffer, n, law)``. Activation is read from the LEVEL row.
+    """
+    o = offsets(stride)
+    LEVEL, STRETCH, RATE, RADIUS, SHRINK, TENSION = (o[k] for k in ("LEVEL", "STRETCH", "RATE", "RADIUS", "SHRINK", "TENSION"))
+    MEAN1, MEAN2, MEAN3 = (o[f"MEAN{i}"] for i in (1, 2, 3))
+    MEANRATE1, MEANRATE2, MEANRATE3 = (o[f"MEANRATE{i}"] for i in (1, 2, 3))
+    MOMENT1, MOMENT2, MOMENT3 = (o[f"MOMENT{i}"] for i in (1, 2, 3))
+    STIFF, STIFF_TURN = o["STIFF"], o["STIFF_TURN"]
+    OFFSET, HELIX, LONGITUDINAL_AREA, RING_AREA = (o[k] for k in ("OFFSET", "HELIX", "LONGITUDINAL_AREA", "RING_AREA"))
+    OBLIQUE_AREA, OBLIQUE_REST = o["OBLIQUE_AREA"], o["OBLIQUE_REST"]
+
+    @kernel
+    def longitudinal(b, n, sine, cosine, law):
+        for k in range(ONE, n + ONE):
+            rho = b[OFFSET + k] * b[RADIUS + k]
+            r1, r2 = rho * sine, rho * cosine
+            bend, y = b[MEAN1 + k] * r2 - b[MEAN2 + k] * r1, b[MEAN3 + k] * rho
+            x = b[STRETCH + k] + bend
+            square = x * x + y * y
+            inverse = 1 / np.sqrt(square)
+            x0 = x + b[SHRINK + k] * (x * bend + y * y)
+            rate = inverse * (x0 * b[RATE + k] + x * (b[MEANRATE1 + k] * r2 - b[MEANRATE2 + k] * r1) + y * rho * b[MEANRATE3 + k])
+            isometric = b[LEVEL + k] * isometric_stress(law, square * inverse)
+            viscosity = isometric * hill_secant(law, rate)
+            area = b[LONGITUDINAL_AREA + k] * inverse
+            tension, stiff = area * (isometric + viscosity * rate) * inverse, area * viscosity
+            b[TENSION + k] += tension * x0
+            b[MOMENT1 + k] += tension * x * r2
+            b[MOMENT2 + k] -= tension * x * r1
+            b[MOMENT3 + k] += tension * y * rho
+            x0 *= inverse
+            b[STIFF + k] += stiff * x0 * x0
+            b[STIFF_TURN + k] += stiff * rho * rho
+
+    @kernel
+    def oblique(b, n, winding, law):
+        for k in range(ONE, n + ONE):
+            rho = b[HELIX + k] * b[RADIUS + k]
+            e, rest = b[STRETCH + k], b[OBLIQUE_REST + k]
+            turn = rho * (winding + b[MEAN3 + k])
+            square = e * e + turn * turn
+            inverse = 1 / np.sqrt(square)
+            l0 = (e + turn * turn * b[SHRINK + k]) * inverse
+            l3 = turn * rho * inverse
+            unrest = 1 / rest
+            rate = (l0 * b[RATE + k] + l3 * b[MEANRATE3 + k]) * unrest
+            isometric = b[LEVEL + k] * isometric_stress(law, square * inverse * unrest)
+            viscosity = isometric * hill_secant(law, rate)
+            area = b[OBLIQUE_AREA + k] * inverse
+            tension, stiff = area * rest * (isometric + viscosity * rate), area * viscosity
+            b[TENSION + k] += tension * l0
+            b[MOMENT3 + k] += tension * l3
+            b[STIFF + k] += stiff * l0 * l0
+            b[STIFF_TURN + k] += stiff * l3 * l3
+
+    @kernel
+    def transverse(b, n, law):
+        for k in range(ONE, n + ONE):
+            lam = b[RADIUS + k]
+            slope = lam * b[SHRINK + k]
+            rate = slope * b[RATE + k]
+            isometric = b[LEVEL + k] * isometric_stress(law, lam)
+            viscosity = isometric * hill_secant(law, rate)
+            area = b[RING_AREA + k] * b[SHRINK + k]
+            b[TENSION + k] += area * (isometric + viscosity * rate)
+            b[STIFF + k] += area * viscosity * slope
+
+    return longitudinal, oblique, transverse
+
+
+def section_kernels(stride):
+    """Compile what surrounds the fibres: section strains before, moments, forces and the implicit correction after.
+
+    Returns
+    -------
+    measure, straight, wound, apply, remember, brake, relax : compiled functions
+        `measure` gives section strains; `straight` starts the sums with the passive stress of nerve cord and longitudinal fibres, `wound`
+        adds that of oblique fibres and rings; `apply` hands tension and moments to the rod; `remember` keeps the old spins, `brake`
+        prepares the two tridiagonal systems, `relax` solves them and corrects the velocities. `elastic` is the time (s) by which the
+        elastic tangent is multiplied to join the viscosity.
+    """
+    o = offsets(stride)
+    T1, T2, T3, N1, N2, N3, V1, V2, V3, W1, W2, W3 = (o[f"{field}{i}"] for field in "TNVW" for i in (1, 2, 3))
+    Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    K1, K2, K3, M1, M2, M3 = (o[f"{field}{i}"] for field in "KM" for i in (1, 2, 3))
+    KRATE1, KRATE2, KRATE3, OLD1, OLD2, OLD3 = (o[f"{field}{i}"] for field in ("KRATE", "OLD") for i in (1, 2, 3))
+    SPIN1, SPIN2, SPIN3, YIELD = o["SPIN1"], o["SPIN2"], o["SPIN3"], o["YIELD"]
+    MEAN1, MEAN2, MEAN3 = (o[f"MEAN{i}"] for i in (1, 2, 3))
+    MEANRATE1, MEANRATE2, MEANRATE3 = (o[f"MEANRATE{i}"] for i in (1, 2, 3))
+    MOMENT1, MOMENT2, MOMENT3 = (o[f"MOMENT{i}"] for i in (1, 2, 3))
+    STIFF, STIFF_TURN = o["STIFF"], o["STIFF_TURN"]
+    STRETCH, RATE, RADIUS, SHRINK, TENSION = (o[k] for k in ("STRETCH", "RATE", "RADIUS", "SHRINK", "TENSION"))
+    LENGTH, JOINT_LENGTH, INVERSE_JOINT = (o[k] for k in ("LENGTH", "JOINT_LENGTH", "INVERSE_JOINT"))
+    OFFSET, HELIX, LONGITUDINAL_AREA, RING_AREA = (o[k] for k in ("OFFSET", "HELIX", "LONGITUDINAL_AREA", "RING_AREA"))
+    OBLIQUE_AREA, OBLIQUE_REST = o["OBLIQUE_AREA"], o["OBLIQUE_REST"]
+    CORD_AREA, NODE_MOBILITY, MOBILITY1 = o["CORD_AREA"], o["NODE_MOBILITY"], o["MOBILITY1"]
+    DIAGONAL, DIAGONAL_TURN, COUPLING = o["DIAGONAL"], o["DIAGONAL_TURN"], o["COUPLING"]
+    IMPULSE, IMPULSE1, IMPULSE2, IMPULSE3 = (o[k] for k in ("IMPULSE", "IMPULSE1", "IMPULSE2", "IMPULSE3"))
+
+    @kernel
+    def pair(e, y, bend, shrink, law):
+        # Two longitudinal fibres on opposite sides: tension over length per area and its product with x, and the squares of dl/de.
+        x = e + bend
+        square = x * x + y * y
+        inverse = 1 / np.sqrt(square)
+        x0 = (x + shrink * (x * bend + y * y)) * inverse
+        pull, stiff = passive_stress(law, square * inverse) * inverse * inverse, x0 * x0 * inverse
+        u = e - bend
+        square = u * u + y * y
+        other = 1 / np.sqrt(square)
+        x0 = (u + shrink * (y * y - u * bend)) * other
+        push = passive_stress(law, square * other) * other * other
+        return pull + push, pull * x + push * u, pull * x - push * u, inverse + other, stiff + x0 * x0 * other
+
+    @kernel
+    def measure(b, n, nu):
+        # Beyond its centre the last element is straight. What its fibres see must be what their moment works on, half of the last joint:
+        # were it the whole, their viscosity would feed a flutter of the tip.
+        q = n + ONE
+        b[K1 + q], b[K2 + q], b[K3 + q] = 0.0, 0.0, 0.0
+        b[KRATE1 + q], b[KRATE2 + q], b[KRATE3 + q] = 0.0, 0.0, 0.0
+        q = ONE - ONE
+        b[KRATE1 + q], b[KRATE2 + q], b[KRATE3 + q] = b[KRATE1 + ONE], b[KRATE2 + ONE], b[KRATE3 + ONE]
+        for k in range(ONE, n + ONE):
+            q = k + ONE
+            b[MEAN1 + k], b[MEANRATE1 + k] = 0.5 * (b[K1 + k] + b[K1 + q]), 0.5 * (b[KRATE1 + k] + b[KRATE1 + q])
+            b[MEAN2 + k], b[MEANRATE2 + k] = 0.5 * (b[K2 + k] + b[K2 + q]), 0.5 * (b[KRATE2 + k] + b[KRATE2 + q])
+            b[MEAN3 + k], b[MEANRATE3 + k] = 0.5 * (b[K3 + k] + b[K3 + q]), 0.5 * (b[KRATE3 + k] + b[KRATE3 + q])
+            e = b[STRETCH + k]
+            # e^-nu from the series of log e in (e - 1)/(e + 1) and of exp: 1e-8 between stretches of 0.5 and 2, without a library call.
+            z = (e - 1) / (e + 1)
+            y = z * z
+            log = 2 * z * (1 + y * (1 / 3 + y * (1 / 5 + y * (1 / 7 + y * (1 / 9 + y * (1 / 11 + y * (1 / 13)))))))
+            x = -nu * log
+            b[RADIUS + k] = 1 + x * (1 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x * (1 / 5040)))))))
+            b[SHRINK + k] = -nu / e
+
+    @kernel
+    def straight(b, n, law, elastic):
+        # Nerve cord and longitudinal fibres without activation: they start the sums.
+        half = np.sqrt(0.5)
+        for k in range(ONE, n + ONE):
+            e, shrink = b[STRETCH + k], b[SHRINK + k]
+            rho = b[OFFSET + k] * b[RADIUS + k]
+            r1, r2, y = b[MEAN1 + k] * rho, b[MEAN2 + k] * rho, b[MEAN3 + k] * rho
+            pull, along, bend1, turn, stiff = pair(e, y, r1, shrink, law)
+            more, along_more, slope, turn_more, stiff_more = pair(e, y, -r2, shrink, law)
+            pull, along, bend2, turn, stiff = pull + more, along + along_more, slope, turn + turn_more, stiff + stiff_more
+            more, along_more, slope, turn_more, stiff_more = pair(e, y, half * (r1 - r2), shrink, law)
+            pull, along, turn, stiff = pull + more, along + along_more, turn + turn_more, stiff + stiff_more
+            bend1, bend2 = bend1 + half * slope, bend2 + half * slope
+            more, along_more, slope, turn_more, stiff_more = pair(e, y, -half * (r1 + r2), shrink, law)
+            pull, along, turn, stiff = pull + more, along + along_more, turn + turn_more, stiff + stiff_more
+            bend1, bend2 = bend1 - half * slope, bend2 + half * slope
+            area = b[LONGITUDINAL_AREA + k]
+            moment1, moment2, moment3 = area * rho * bend1, -area * rho * bend2, area * rho * y * pull
+            b[MOMENT1 + k], b[MOMENT2 + k], b[MOMENT3 + k] = moment1, moment2, moment3
+            work = b[MEAN1 + k] * moment1 + b[MEAN2 + k] * moment2 + b[MEAN3 + k] * moment3
+            cord = b[CORD_AREA + k] / e
+            b[TENSION + k] = area * along + shrink * work + cord * passive_stress(law, e)
+            b[STIFF + k] = elastic * law.tangent * (area * stiff + cord)
+            b[STIFF_TURN + k] = elastic * law.tangent * area * rho * rho * turn
+
+    @kernel
+    def wound(b, n, winding, law, transverse, elastic):
+        # Both oblique families and the rings, without activation.
+        for k in range(ONE, n + ONE):
+            lam, e, shrink = b[RADIUS + k], b[STRETCH + k], b[SHRINK + k]
+            rho, rest = b[HELIX + k] * lam, b[OBLIQUE_REST + k]
+            unrest = 1 / rest
+            turn = rho * (winding + b[MEAN3 + k])
+            square = e * e + turn * turn
+            inverse = 1 / np.sqrt(square)
+            l0, l3 = (e + turn * turn * shrink) * inverse, turn * rho * inverse
+            pull = rest * inverse * passive_stress(law, square * inverse * unrest)
+            tension, moment, stiff, stiff_turn = pull * l0, pull * l3, inverse * l0 * l0, inverse * l3 * l3
+            turn = rho * (b[MEAN3 + k] - winding)
+            square = e * e + turn * turn
+            inverse = 1 / np.sqrt(square)
+            l0, l3 = (e + turn * turn * shrink) * inverse, turn * rho * inverse
+            pull = rest * inverse * passive_stress(law, square * inverse * unrest)
+            area = b[OBLIQUE_AREA + k]
+            ring = b[RING_AREA + k] * shrink
+            b[TENSION + k] += area * (tension + pull * l0) + ring * passive_stress(transverse, lam)
+            b[MOMENT3 + k] += area * (moment + pull * l3)
+            b[STIFF + k] += elastic * (law.tangent * area * (stiff + inverse * l0 * l0) + transverse.tangent * ring * lam * shrink)
+            b[STIFF_TURN + k] += elastic * law.tangent * area * (stiff_turn + inverse * l3 * l3)
+            b[TENSION + k] += DISSIPATION * b[STIFF + k] * b[RATE + k]
+
+    @kernel
+    def apply(b, n):
+        for k in range(ONE, n + ONE):
+            p, q = k - ONE, k + ONE
+            b[N1 + k] += b[TENSION + k] * b[T1 + k]
+            b[N2 + k] += b[TENSION + k] * b[T2 + k]
+            b[N3 + k] += b[TENSION + k] * b[T3 + k]
+            here, before = 0.5 * b[LENGTH + k] * b[INVERSE_JOINT + k], 0.5 * b[LENGTH + p] * b[INVERSE_JOINT + k]
+            # Fibres see the mean curvature of an element's two joints; its zigzag, which they miss, is braked with their own viscosity,
+            # each element's alike on both of its joints: weights by joint would not be symmetric and feed what they should brake.
+            inner, outer = 0.5 * here * b[STIFF_TURN + k], 0.5 * before * b[STIFF_TURN + p]
+            zigzag1 = inner * (b[KRATE1 + k] - b[KRATE1 + q]) + outer * (b[KRATE1 + k] - b[KRATE1 + p])
+            zigzag2 = inner * (b[KRATE2 + k] - b[KRATE2 + q]) + outer * (b[KRATE2 + k] - b[KRATE2 + p])
+            zigzag3 = inner * (b[KRATE3 + k] - b[KRATE3 + q]) + outer * (b[KRATE3 + k] - b[KRATE3 + p])
+            b[M1 + k] += here * b[MOMENT1 + k] + before * b[MOMENT1 + p] + zigzag1
+            b[M2 + k] += here * b[MOMENT2 + k] + before * b[MOMENT2 + p] + zigzag2
+            b[M3 + k] += here * b[MOMENT3 + k] + before * b[MOMENT3 + p] + zigzag3
+
+    @kernel
+    def remember(b, n):
+        for k in range(ONE, n + ONE):
+            b[OLD1 + k], b[OLD2 + k], b[OLD3 + k] = b[W1 + k], b[W2 + k], b[W3 + k]
+
+    @kernel
+    def brake(b, n):
+        for k in range(ONE, n + ONE):
+            b[YIELD + k] = b[STRETCH + k] * b[MOBILITY1 + k]
+            w1, w2, w3 = b[W1 + k] - b[OLD1 + k], b[W2 + k] - b[OLD2 + k], b[W3 + k] - b[OLD3 + k]
+            b[SPIN1 + k] = b[Q11 + k] * w1 + b[Q21 + k] * w2 + b[Q31 + k] * w3
+            b[SPIN2 + k] = b[Q12 + k] * w1 + b[Q22 + k] * w2 + b[Q32 + k] * w3
+            b[SPIN3 + k] = b[Q13 + k] * w1 + b[Q23 + k] * w2 + b[Q33 + k] * w3
+        for k in range(ONE, n + ONE):
+            p, q = k - ONE, k + ONE
+            length = b[LENGTH + k]
+            b[DIAGONAL + k] = length / (MAJORANT * b[STIFF + k]) + b[NODE_MOBILITY + k] + b[NODE_MOBILITY + q]
+            b[COUPLING + k] = -b[NODE_MOBILITY + q] * (b[T1 + k] * b[T1 + q] + b[T2 + k] * b[T2 + q] + b[T3 + k] * b[T3 + q])
+            along = (
+                b[T1 + k] * (b[V1 + q] - b[V1 + k]) + b[T2 + k] * (b[V2 + q] - b[V2 + k]) + b[T3 + k] * (b[V3 + q] - b[V3 + k])
+            )  # fmt: skip
+            b[IMPULSE + k] = along - b[RATE + k] * length
+            joint = b[JOINT_LENGTH + k]
+            turn = 0.5 * MAJORANT * (length * b[STIFF_TURN + k] + b[LENGTH + p] * b[STIFF_TURN + p])
+            b[DIAGONAL_TURN + k] = joint * joint / turn + b[YIELD + k] + b[YIELD + p]
+            b[IMPULSE1 + k] = b[SPIN1 + k] - b[SPIN1 + p]
+            b[IMPULSE2 + k] = b[SPIN2 + k] - b[SPIN2 + p]
+            b[IMPULSE3 + k] = b[SPIN3 + k] - b[SPIN3 + p]
+
+    @kernel
+    def relax(b, n):
+        # Symmetric tridiagonal systems; the off-diagonals to the next unknown are COUPLING, and -YIELD of the element between two joints.
+        scale, turn_scale, f, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(ONE, n + ONE):
+            p = k - ONE
+            coupling, turn = b[COUPLING + p], -b[YIELD + p]
+            scale = 1 / (b[DIAGONAL + k] - coupling * coupling * scale)
+            turn_scale = 1 / (b[DIAGONAL_TURN + k] - turn * turn * turn_scale)
+            f = scale * (b[IMPULSE + k] - coupling * f)
+            f1 = turn_scale * (b[IMPULSE1 + k] - turn * f1)
+            f2 = turn_scale * (b[IMPULSE2 + k] - turn * f2)
+            f3 = turn_scale * (b[IMPULSE3 + k] - turn * f3)
+            b[DIAGONAL + k], b[DIAGONAL_TURN + k] = scale, turn_scale
+            b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
+        k = n - ONE
+        while k >= ONE:
+            turn = b[DIAGONAL_TURN + k] * b[YIELD + k]
+            f = b[IMPULSE + k] - b[DIAGONAL + k] * b[COUPLING + k] * f
+            f1, f2, f3 = b[IMPULSE1 + k] + turn * f1, b[IMPULSE2 + k] + turn * f2, b[IMPULSE3 + k] + turn * f3
+            b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
+            k -= ONE
+        for k in range(ONE, n + ONE + ONE):
+            p = k - ONE
+            mobility, here, before = b[NODE_MOBILITY + k], b[IMPULSE + k], b[IMPULSE + p]
+            b[V1 + k] += mobility * (here * b[T1 + k] - before * b[T1 + p])
+            b[V2 + k] += mobility * (here * b[T2 + k] - before * b[T2 + p])
+            b[V3 + k] += mobility * (here * b[T3 + k] - before * b[T3 + p])
+        for k in range(ONE, n + ONE):
+            q = k + ONE
+            s1 = b[YIELD + k] * (b[IMPULSE1 + q] - b[IMPULSE1 + k])
+            s2 = b[YIELD + k] * (b[IMPULSE2 + q] - b[IMPULSE2 + k])
+            s3 = b[YIELD + k] * (b[IMPULSE3 + q] - b[IMPULSE3 + k])
+            b[W1 + k] += b[Q11 + k] * s1 + b[Q12 + k] * s2 + b[Q13 + k] * s3
+            b[W2 + k] += b[Q21 + k] * s1 + b[Q22 + k] * s2 + b[Q23 + k] * s3
+            b[W3 + k] += b[Q31 + k] * s1 + b[Q32 + k] * s2 + b[Q33 + k] * s3
+
+    return measure, straight, wound, apply, remember, brake, relax

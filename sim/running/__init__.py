@@ -1,0 +1,1 @@
+"""What every plant shares: the clock, recordings, batches. Imports `body`, `scene` and `activation`."""

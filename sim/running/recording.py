@@ -1,0 +1,87 @@
+"""What a run leaves behind: centreline, frames, stretch and activation over time."""
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ..errors import OctoctrlError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Recorded motion of a plant, T instants, n elements.
+
+    Attributes
+    ----------
+    time : (T,) float64, s
+    points : (T, n + 1, 3) float64, m
+        Node positions, base first.
+    frames : (T, n + 2, 3, 3) float64
+        Directors (rows d1, d2, d3) at `stations`: base, element centres, tip.
+    stations : (n + 2,) float64, m
+        Rest arclength of the frames.
+    stretch : (T, n) float64
+        Length over rest length of each element.
+    levels : (T, 11, n) float64
+        Activation in force, by group of `octoctrl.sim.body.arm.MUSCLE_GROUPS` and element.
+    energy : dict of str to (T,) float64, J
+        Kinetic energy, elastic energy and the running integrals of muscle and drag work.
+    complete : bool
+        False when the run was cut short; `note` says by what.
+    note : str
+    """
+
+    time: np.ndarray
+    points: np.ndarray
+    frames: np.ndarray
+    stations: np.ndarray
+    stretch: np.ndarray
+    levels: np.ndarray
+    energy: dict[str, np.ndarray] = field(default_factory=dict)
+    complete: bool = True
+    note: str = ""
+
+    def __post_init__(self):
+        count = len(self.time)
+        for name in ("points", "frames", "stretch", "levels"):
+            if len(getattr(self, name)) != count:
+                raise OctoctrlError(f"recording: {name} has {len(getattr(self, name))} instants, time has {count}")
+
+    @classmethod
+    def joined(cls, pieces):
+        """One recording of consecutive pieces; an instant at which one ends and the next begins is kept once.
+
+        Parameters
+        ----------
+        pieces : sequence of Recording
+
+        Returns
+        -------
+        Recording
+        """
+        skips = [0] + [
+            int(bool(len(before.time)) and bool(len(piece.time)) and piece.time[0] <= before.time[-1] + 1e-12)
+            for before, piece in pairwise(pieces)
+        ]
+        fields = {
+            name: np.concatenate([getattr(piece, name)[skip:] for piece, skip in zip(pieces, skips, strict=True)])
+            for name in ("time", "points", "frames", "stretch", "levels")
+        }
+        return replace(pieces[0], **fields)
+
+    def until(self, time):
+        """The recording up to `time` (s), included."""
+        kept = int(np.searchsorted(self.time, time + 1e-9))
+        cut = {name: getattr(self, name)[:kept] for name in ("time", "points", "frames", "stretch", "levels")}
+        return replace(self, **cut, energy={name: series[:kept] for name, series in self.energy.items()})
+
+    @property
+    def length(self):
+        """Arm length, m, (T,)."""
+        return np.linalg.norm(np.diff(self.points, axis=1), axis=2).sum(axis=1)
+
+    @property
+    def tip(self):
+        """Tip position, m, (T, 3)."""
+        return self.points[:, -1]

@@ -1,0 +1,53 @@
+"""The scene: the water that the arm moves in. What a scene does not name costs nothing."""
+
+from dataclasses import dataclass, field
+
+from ..errors import check_number
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Water:
+    """Resistance of water and of the tissue's own layers.
+
+    Two parts, as in the source study: a force quadratic in the velocity on each of the eight longitudinal muscles, normal and tangential,
+    and a linear rate on the two outer layers. Rates are physical (per second, per mass) and do not depend on the time step.
+
+    Attributes
+    ----------
+    density : float, kg/m^3
+    normal_coefficient, tangential_coefficient : float
+        Quadratic drag coefficients on projected width and wetted perimeter (Yekutieli et al. 2005).
+    ring_rate, oblique_rate : float, 1/s
+        Linear drag rates of the transverse and oblique layers.
+    factor : float
+        One factor on all of the above, for studies of model error.
+    """
+
+    density: float = 1050.0
+    normal_coefficient: float = 1.013
+    tangential_coefficient: float = 0.0256
+    ring_rate: float = 250 / 12
+    oblique_rate: float = 125.0
+    factor: float = 1.0
+
+    def __post_init__(self):
+        for name in ("density", "normal_coefficient", "tangential_coefficient", "ring_rate", "oblique_rate", "factor"):
+            check_number(name, getattr(self, name), at_least=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """Everything around the arm.
+
+    Attributes
+    ----------
+    water : Water or None
+        None is a vacuum.
+    """
+
+    water: Water | None = field(default=Water())
+
+    @classmethod
+    def free(cls, **water):
+        """An arm alone in water; keywords change fields of `Water`."""
+        return cls(water=Water(**water))
