@@ -4,7 +4,6 @@ import os
 import platform
 from dataclasses import dataclass
 from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 
@@ -77,19 +76,22 @@ def compiled():
     -------
     dict of str to bool
     """
-    from octoctrl.sim.rod.elastic_kernels import angle_over_sine
+    from octoctrl.sim.assembly.stepping import assembly_stepper
+    from octoctrl.sim.compiler import cache_folder
+    from octoctrl.sim.rod.stepping import muscular_stepper
 
-    folder = Path(angle_over_sine.stats.cache_path)
-    return {
-        "rod": any(folder.glob("stepping.muscular_stepper*advance*.nbc")),
-        "assembly": any(folder.glob("assembly_stepping*advance*.nbc")),
-    }
+    def kept(stepper):
+        folder = cache_folder(stepper)
+        return folder is not None and any(folder.glob(f"stepping.{stepper.__name__}*advance*.nbc"))
+
+    return {"rod": kept(muscular_stepper), "assembly": kept(assembly_stepper)}
 
 
 def _cache():
-    from octoctrl.sim.rod.elastic_kernels import angle_over_sine
+    from octoctrl.sim.compiler import cache_folder
+    from octoctrl.sim.rod.stepping import muscular_stepper
 
-    folder = angle_over_sine.stats.cache_path
+    folder = cache_folder(muscular_stepper)
     if folder is None or not os.access(folder, os.W_OK):
         raise OctoctrlError("no folder for compiled code can be written, so that every start compiles; set NUMBA_CACHE_DIR to one that can")
     state = [f"{name} {'kept on disk' if done else f'not yet (octoctrl warmup --plant {name})'}" for name, done in compiled().items()]

@@ -8,7 +8,10 @@ global lock, so that threads can simulate side by side.
 
 import hashlib
 import logging
+from collections.abc import Callable
+from pathlib import Path
 from types import CellType, CodeType
+from typing import Any
 
 import numba
 import numpy as np
@@ -65,6 +68,20 @@ class _Cache(FunctionCache):
 
     def _index_key(self, sig, codegen):
         return sig, codegen.magic_tuple(), (self._settings, fingerprint(self._py_func))
+
+
+def cache_folder(function: Callable[..., Any]) -> Path | None:
+    """Where compiled code of functions of the same file is kept, or None if no folder can be written.
+
+    Parameters
+    ----------
+    function : callable
+        Any Python function of the file.
+    """
+    try:
+        return Path(FunctionCache(function).cache_path)
+    except RuntimeError:
+        return None
 
 
 _EMPTY = CellType()

@@ -16,7 +16,7 @@ from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
 from octoctrl.sim.assembly.published_kernels import published_drag, published_strain, velocity_filters
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
-from octoctrl.sim.rod.section_kernels import law_constants
+from octoctrl.sim.physics.fibre_kernels import law_constants
 
 ARM = Arm.octopus()
 LEVEL = 0.2

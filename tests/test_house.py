@@ -29,12 +29,13 @@ ROOMS = {
         "body": SIM_GROUND,
         "scene": SIM_GROUND,
         "topology": SIM_GROUND,
+        "physics": SIM_GROUND | {"body"},
         "activation": SIM_GROUND | {"body"},
         "sources": SIM_GROUND | {"body", "activation"},
         "running": SIM_GROUND | {"body", "scene", "activation", "sources"},
-        "rod": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "running"},
+        "rod": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running"},
         # In the long run nothing of the rod.
-        "assembly": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "running", "rod"},
+        "assembly": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running", "rod"},
         "plants": SIM_GROUND | {"body", "scene", "activation", "sources", "running", "rod", "assembly"},
     },
     "planners": {

@@ -7,7 +7,7 @@ import pytest
 
 from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.rod.section_kernels import hill_secant, isometric_stress, law_constants, passive_stress
+from octoctrl.sim.physics.fibre_kernels import hill_secant, isometric_stress, law_constants, passive_stress
 
 LAWS = pytest.mark.parametrize("law", [LONGITUDINAL, TRANSVERSE], ids=["longitudinal", "transverse"])
 

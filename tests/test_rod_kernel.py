@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
+from octoctrl.sim.physics.fibre_kernels import law_constants
 from octoctrl.sim.rod.elastic import Rod, RodSimulation
 from octoctrl.sim.rod.elastic_kernels import rod_kernels
 from octoctrl.sim.rod.layout import STRIDES, Row, new_buffer, stride_for
-from octoctrl.sim.rod.section_kernels import DISSIPATION, fibre_kernels, law_constants, section_kernels
+from octoctrl.sim.rod.section_kernels import DISSIPATION, fibre_kernels, section_kernels
 from octoctrl.sim.rotations import rotation_matrix, rotation_vector
 
 LENGTH, RADIUS, DENSITY, YOUNG = 0.2, 0.006, 1050.0, 1e5

@@ -6,7 +6,7 @@ from math import tau
 import numpy as np
 
 from ..body.grid import AssemblyGrid
-from ..rod.elastic import phi1
+from ..physics.damping import damped
 from ..rotations import rotation_vector
 from .constants import ring_connections, stiffness, straight_connections
 from .crossing_kernels import buffer_size, crossing_offsets
@@ -203,10 +203,6 @@ def fill_parameters(buffer, arm, geometry, h, water, published=False):
     _fill_connections(buffer, arm, geometry, soften)
 
 
-def _damped(rate, h):
-    return np.exp(-rate * h), h * phi1(-rate * h)
-
-
 def _inertia(stiff, family, h):
     length = family.length
     bending = np.maximum(stiff.inertia, (stiff.shear * length + 4 * stiff.bend / length) * (INERTIA_FLOOR * h) ** 2)
@@ -234,7 +230,7 @@ def _fill_open(buffer, arm, family, view, h, rate, floor, held):
     turn = rotation_vector(family.frames[:, 1:] @ np.swapaxes(family.frames[:, :-1], -1, -2))
     for component in range(3):
         view(R.REST1 + component)[:, 1:] = turn[..., component] / (both / 2)
-    decay, weight = _damped(np.full(family.node_mass.shape, rate), h)
+    decay, weight = damped(np.full(family.node_mass.shape, rate), h)
     decay[:held, 0] = weight[:held, 0] = 0.0
     view(R.NODE_DECAY, True)[:], view(R.NODE_MOBILITY, True)[:] = decay, weight / family.node_mass
     _set_spin(view, family, bending, twisting, rate, h, np.s_[:, 0])
@@ -245,7 +241,7 @@ def _set_spin(view, family, bending, twisting, rate, h, held):
         mass = family.element_mass
         if family.tip_mass is not None:
             mass[:, -1] += family.tip_mass
-        decay, weight = _damped(rate * mass * SPIN_ARM**2 / inertia, h)
+        decay, weight = damped(rate * mass * SPIN_ARM**2 / inertia, h)
         decay[held] = weight[held] = 0.0
         view(decay_row)[:], view(mobility_row)[:] = decay, weight / inertia
 
@@ -270,7 +266,7 @@ def _fill_rings(buffer, arm, family, h, rate, floor, held):
     turn = rotation_vector(family.frames @ np.swapaxes(np.roll(family.frames, 1, axis=1), -1, -2)) / joint[..., None]
     for component in range(3):
         _set_ring(buffer, R.REST1 + component, turn[..., component])
-    decay, weight = _damped(np.full(length.shape, rate), h)
+    decay, weight = damped(np.full(length.shape, rate), h)
     decay[:held] = weight[:held] = 0.0
     _set_ring(buffer, R.NODE_DECAY, decay, ghost=0.0)
     _set_ring(buffer, R.NODE_MOBILITY, weight / family.node_mass, ghost=0.0)

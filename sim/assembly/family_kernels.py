@@ -20,25 +20,11 @@ lanes for rings.
 import numpy as np
 
 from ..compiler import kernel
-from ..rod.elastic_kernels import angle_over_sine
-from ..rod.section_kernels import hill_secant, isometric_stress, passive_stress
+from ..physics.fibre_kernels import hill_secant, isometric_stress, passive_stress, passive_tangent
+from ..physics.rotation_kernels import angle_over_sine
 from .layout import AssemblyRow, stride_of
 
 ONE = np.uint64(1)
-
-
-@kernel
-def passive_tangent(law, s):
-    """Slope of the passive stress in tension, and the modulus of compression as its lower bound."""
-    p, x = law.passive, min(max(s, 1.0), law.high)
-    total = 8 * p[0] * x + 7 * p[1]
-    total = total * x + 6 * p[2]
-    total = total * x + 5 * p[3]
-    total = total * x + 4 * p[4]
-    total = total * x + 3 * p[5]
-    total = total * x + 2 * p[6]
-    total = total * x + p[7]
-    return max(total, law.compression)
 
 
 def family_offsets(grid, rings):

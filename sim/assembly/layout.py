@@ -17,12 +17,12 @@ differs is a compile-time constant. Lanes are rings, and longitudinal elements s
 
 from enum import auto
 
-from ..rod.layout import _Row
+from ..physics.rows import Rows
 
 STATE_ROWS = 18
 
 
-class AssemblyRow(_Row):
+class AssemblyRow(Rows):
     """Rows of the two rod buffers; directors, angular velocity, torques and moments are material, all else is in the lab frame."""
 
     X1, X2, X3, V1, V2, V3 = (auto() for _ in range(6))
@@ -39,7 +39,7 @@ class AssemblyRow(_Row):
     YIELD, SCALE, IMPULSE, CORRECTION = (auto() for _ in range(4))
 
 
-class SpokeRow(_Row):
+class SpokeRow(Rows):
     """Rows of the spokes' buffer."""
 
     # Ring node, ring radius; longitudinal element: centre, edge, directors, radius, root of stretch; the cord's, repeated.
@@ -62,7 +62,7 @@ class SpokeRow(_Row):
     O1, O2, O3, P1, P2, P3 = (auto() for _ in range(6))
 
 
-class CrossingRow(_Row):
+class CrossingRow(Rows):
     """Rows of the crossings' buffer: ring nodes q + d, d = -2..2, and opposite node; helix nodes h - 1, h, h + 1; with their radii."""
 
     A1, A2, A3, A_RADIUS = (auto() for _ in range(4))

@@ -135,7 +135,7 @@ class AssemblyPlant(Plant):
         return "assembly-coarse" if self.grid.between else "assembly"
 
     def _law_constants(self):
-        from ..rod.section_kernels import law_constants
+        from ..physics.fibre_kernels import law_constants
 
         return tuple(law_constants(law) for law in (self.arm.longitudinal, self.arm.oblique, self.arm.transverse))
 

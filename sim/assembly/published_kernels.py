@@ -9,7 +9,7 @@ u <- u - F^5 u with F a quarter of the negative second difference (Tekinalp et a
 import numpy as np
 
 from ..compiler import kernel
-from ..rod.section_kernels import horner, isometric_stress, passive_stress
+from ..physics.fibre_kernels import horner, isometric_stress, passive_stress
 from .family_kernels import family_offsets
 
 ONE = np.uint64(1)

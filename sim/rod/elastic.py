@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 
 from ..errors import OctoctrlError, PlantUnstableError, check_choice, check_number
+from ..physics.damping import damped
 from ..rotations import rotation_vector
 from ..running.clock import choose_step
 from .layout import STATE_ROWS, Row, new_buffer, stride_for
@@ -280,17 +281,12 @@ def node_masses(element_values):
 
 def set_damping(rows, n, h, node_rate, bend_rate, twist_rate, *, fixed, masses=None):
     """Decay factors exp(-g h) and mobilities h phi1(g h) / inertia; held nodes and elements get neither."""
-
-    def factors(rate):
-        decay = np.exp(-np.asarray(rate) * h)
-        return decay, h * phi1(-np.asarray(rate) * h)
-
     masses = 1 / rows[Row.NODE_MOBILITY, 1 : n + 2] if masses is None else masses
-    decay, weight = factors(node_rate)
+    decay, weight = damped(node_rate, h)
     rows[Row.NODE_DECAY, 1 : n + 2] = decay
     rows[Row.NODE_MOBILITY, 1 : n + 2] = weight / masses
-    bend_decay, bend_weight = factors(bend_rate)
-    twist_decay, twist_weight = factors(twist_rate)
+    bend_decay, bend_weight = damped(bend_rate, h)
+    twist_decay, twist_weight = damped(twist_rate, h)
     rows[Row.BEND_DECAY, 1 : n + 1], rows[Row.TWIST_DECAY, 1 : n + 1] = bend_decay, twist_decay
     rows[Row.MOBILITY1, 1 : n + 1] = bend_weight / rows[Row.INERTIA1, 1 : n + 1]
     rows[Row.MOBILITY2, 1 : n + 1] = bend_weight / rows[Row.INERTIA2, 1 : n + 1]
@@ -300,12 +296,6 @@ def set_damping(rows, n, h, node_rate, bend_rate, twist_rate, *, fixed, masses=N
     if fixed == "element":
         for row in (Row.BEND_DECAY, Row.TWIST_DECAY, Row.MOBILITY1, Row.MOBILITY2, Row.MOBILITY3):
             rows[row, 1] = 0.0
-
-
-def phi1(x):
-    """(exp(x) - 1) / x, 1 at zero."""
-    x = np.asarray(x, dtype=float)
-    return np.where(x == 0, 1.0, np.expm1(x) / np.where(x == 0, 1.0, x))
 
 
 def raise_unstable(time, element, finding, dt, limit):

@@ -12,9 +12,11 @@ Node k is the base side of element k; joint k sits at node k, between elements k
 that carries the clamp's frame; joint n + 1 at the free tip carries nothing. Ghosts make every difference free of branches.
 """
 
-from enum import IntEnum, auto
+from enum import auto
 
 import numpy as np
+
+from ..physics.rows import Rows
 
 STRIDES = (584, 1112, 2120)
 """Row lengths to choose from.
@@ -23,13 +25,7 @@ Neighbouring rows must be more than 512 numbers apart (closer, the compiler fear
 and not a multiple of 512 (rows would fall on the same cache lines)."""
 
 
-class _Row(IntEnum):
-    @staticmethod
-    def _generate_next_value_(name, start, count, last_values):
-        return count
-
-
-class Row(_Row):
+class Row(Rows):
     """Rows of the buffer, by field and component (material components unless said)."""
 
     # State. Nodes: position and velocity in the lab frame. Elements: directors (row i of Q is d_i in the lab frame), angular velocity.

@@ -218,7 +218,7 @@ class Plant:
         rows[Row.DRAG_TANGENT, 1 : n + 2] = node_masses(width) * water.tangential_coefficient * tau / 2
 
     def _compiled_scalars(self):
-        from .section_kernels import law_constants
+        from ..physics.fibre_kernels import law_constants
         from .stepping import MuscleScalars
 
         arm = self.arm

@@ -14,11 +14,10 @@ the increments of stretch rate, curvature rate and twist rate, which leaves thre
 keeps the sign of the driving force, so that it cannot chatter; treated explicitly the law would need steps of nanoseconds.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..compiler import kernel
+from ..physics.fibre_kernels import hill_secant, isometric_stress, passive_stress
 from .layout import offsets
 
 ONE = np.uint64(1)
@@ -29,82 +28,6 @@ DISSIPATION = 0.1
 """Share of the implicit elastic term that also brakes the old stretch rate. Without it an arm whose passive fibres are pulled over their
 slack within few steps, such as one let go at 1.3 times its length, keeps trembling at the step's scale; tips of the usual programmes move
 by less than 0.02 % of the length through it."""
-
-
-class LawConstants(NamedTuple):
-    """Scalars of one muscle law for the compiled code; see `octoctrl.sim.body.muscles.MuscleLaw`."""
-
-    stress: float
-    compression: float
-    slack: float
-    rate: float
-    concentric: float
-    eccentric_gain: float
-    eccentric: float
-    low: float
-    high: float
-    high_slope: float
-    tangent: float
-    active: tuple
-    passive: tuple
-
-
-def law_constants(law, passive_factor=1.0):
-    """Constants of a `MuscleLaw`, with a factor on its passive stress."""
-    scale = law.maximum_stress * law.passive_scale * passive_factor
-    stretches = np.linspace(1.0, 1.4, 81)
-    return LawConstants(
-        stress=law.maximum_stress,
-        compression=law.compression_modulus * passive_factor,
-        slack=law.slack,
-        rate=1 / law.maximum_rate,
-        concentric=1 / law.curvature,
-        eccentric_gain=(law.eccentric_plateau - 1) * (1 + law.eccentric_slope / law.curvature),
-        eccentric=law.eccentric_slope / law.curvature,
-        low=law.range[0],
-        high=law.range[1],
-        high_slope=scale * float(np.polyval(np.polyder(law.passive), law.range[1])),
-        tangent=float(scale * np.polyval(np.polyder(law.passive), stretches).max()),
-        active=tuple(float(c) for c in law.active),
-        passive=tuple(float(scale * c) for c in law.passive),
-    )
-
-
-@kernel
-def horner(c, x):
-    """A polynomial of degree 8 with coefficients `c`, highest power first."""
-    total = c[0] * x + c[1]
-    total = total * x + c[2]
-    total = total * x + c[3]
-    total = total * x + c[4]
-    total = total * x + c[5]
-    total = total * x + c[6]
-    total = total * x + c[7]
-    return total * x + c[8]
-
-
-@kernel
-def passive_stress(law, s):
-    """Passive stress; twin of `MuscleLaw.passive_stress`."""
-    inside = min(max(s, 1.0), law.high)
-    curve = max(horner(law.passive, inside) + law.high_slope * max(s - law.high, 0.0), 0.0)
-    tension = curve if s > 1.0 + law.slack else 0.0
-    return tension + law.compression * min(s - 1.0 + law.slack, 0.0)
-
-
-@kernel
-def isometric_stress(law, s):
-    """Active stress per activation at rest; twin of `MuscleLaw.active_factor`."""
-    return law.stress * max(horner(law.active, min(max(s, law.low), law.high)), 0.0)
-
-
-@kernel
-def hill_secant(law, rate):
-    """(f_v - 1) / rate >= 0 at a stretch rate, s: what the isometric stress is multiplied with to give a viscosity."""
-    w = -rate * law.rate
-    above = 1.0 + law.concentric if w > 0.0 else law.eccentric_gain
-    below = max(1.0 + law.concentric * w, (1.0 + law.concentric) * w) if w > 0.0 else 1.0 - law.eccentric * w
-    return law.rate * above / below
 
 
 def fibre_kernels(stride):

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler import kernel
+from ..physics.fibre_kernels import LawConstants
 from .elastic_kernels import rod_kernels
 from .layout import offsets
-from .section_kernels import LawConstants, fibre_kernels, section_kernels
+from .section_kernels import fibre_kernels, section_kernels
 
 ONE = np.uint64(1)
 FINE, STRETCHED, BENT, NOT_A_NUMBER, SHEARED, SPUN = 0, 1, 2, 3, 5, 6

@@ -1,0 +1,101 @@
+"""Muscle fibres in compiled code: stress at a stretch, its slope, and the force-velocity law as a viscosity.
+
+Free functions of one fibre's stretch, rate and constants; each is the twin of a method of `octoctrl.sim.body.muscles.MuscleLaw`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..body.muscles import MuscleLaw
+from ..compiler import kernel
+
+
+class LawConstants(NamedTuple):
+    """Scalars of one muscle law for the compiled code; see `octoctrl.sim.body.muscles.MuscleLaw`."""
+
+    stress: float
+    compression: float
+    slack: float
+    rate: float
+    concentric: float
+    eccentric_gain: float
+    eccentric: float
+    low: float
+    high: float
+    high_slope: float
+    tangent: float
+    active: tuple[float, ...]
+    passive: tuple[float, ...]
+
+
+def law_constants(law: MuscleLaw, passive_factor: float = 1.0) -> LawConstants:
+    """Constants of a `MuscleLaw`, with a factor on its passive stress."""
+    scale = law.maximum_stress * law.passive_scale * passive_factor
+    stretches = np.linspace(1.0, 1.4, 81)
+    return LawConstants(
+        stress=law.maximum_stress,
+        compression=law.compression_modulus * passive_factor,
+        slack=law.slack,
+        rate=1 / law.maximum_rate,
+        concentric=1 / law.curvature,
+        eccentric_gain=(law.eccentric_plateau - 1) * (1 + law.eccentric_slope / law.curvature),
+        eccentric=law.eccentric_slope / law.curvature,
+        low=law.range[0],
+        high=law.range[1],
+        high_slope=scale * float(np.polyval(np.polyder(law.passive), law.range[1])),
+        tangent=float(scale * np.polyval(np.polyder(law.passive), stretches).max()),
+        active=tuple(float(c) for c in law.active),
+        passive=tuple(float(scale * c) for c in law.passive),
+    )
+
+
+@kernel
+def horner(c, x):
+    """A polynomial of degree 8 with coefficients `c`, highest power first."""
+    total = c[0] * x + c[1]
+    total = total * x + c[2]
+    total = total * x + c[3]
+    total = total * x + c[4]
+    total = total * x + c[5]
+    total = total * x + c[6]
+    total = total * x + c[7]
+    return total * x + c[8]
+
+
+@kernel
+def passive_stress(law, s):
+    """Passive stress; twin of `MuscleLaw.passive_stress`."""
+    inside = min(max(s, 1.0), law.high)
+    curve = max(horner(law.passive, inside) + law.high_slope * max(s - law.high, 0.0), 0.0)
+    tension = curve if s > 1.0 + law.slack else 0.0
+    return tension + law.compression * min(s - 1.0 + law.slack, 0.0)
+
+
+@kernel
+def passive_tangent(law, s):
+    """Slope of the passive stress in tension, and the modulus of compression as its lower bound."""
+    p, x = law.passive, min(max(s, 1.0), law.high)
+    total = 8 * p[0] * x + 7 * p[1]
+    total = total * x + 6 * p[2]
+    total = total * x + 5 * p[3]
+    total = total * x + 4 * p[4]
+    total = total * x + 3 * p[5]
+    total = total * x + 2 * p[6]
+    total = total * x + p[7]
+    return max(total, law.compression)
+
+
+@kernel
+def isometric_stress(law, s):
+    """Active stress per activation at rest; twin of `MuscleLaw.active_factor`."""
+    return law.stress * max(horner(law.active, min(max(s, law.low), law.high)), 0.0)
+
+
+@kernel
+def hill_secant(law, rate):
+    """(f_v - 1) / rate >= 0 at a stretch rate, s: what the isometric stress is multiplied with to give a viscosity."""
+    w = -rate * law.rate
+    above = 1.0 + law.concentric if w > 0.0 else law.eccentric_gain
+    below = max(1.0 + law.concentric * w, (1.0 + law.concentric) * w) if w > 0.0 else 1.0 - law.eccentric * w
+    return law.rate * above / below
