@@ -39,11 +39,12 @@ ROOMS = {
         "plants": SIM_GROUND | {"body", "scene", "activation", "sources", "running", "rod", "assembly"},
     },
     "planners": {
-        "asking": set(),
-        "model": set(),
-        "fitting": {"model"},
-        "solving": {"asking", "model", "fitting"},
-        "following": {"asking", "model", "solving.plan"},
+        "contracts": set(),
+        "asking": {"contracts"},
+        "model": {"contracts"},
+        "fitting": {"contracts", "model"},
+        "solving": {"contracts", "asking", "model", "fitting"},
+        "following": {"contracts", "asking", "model", "solving.plan"},
     },
     "octoctrl": {
         "progress": set(),

@@ -1,0 +1,247 @@
+"""What the rooms of the planners ask of one another: goals, primitives, the reduced model, controllers.
+
+Only protocols and the small values that they exchange. Members are read-only; a class need not inherit to fulfil a protocol.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octoctrl.sim.activation import Template
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.topology.trace import TopologyTrace
+
+Floats = NDArray[np.float64]
+Expression = Any
+"""A number, an array, or a CasADi expression of the same shape: what is computed with it must work on each of them."""
+
+
+class When(Enum):
+    """The instants of its phase at which a goal has to hold."""
+
+    END = "end"
+    THROUGHOUT = "throughout"
+
+
+class ActivationSource(Protocol):
+    """Whatever gives levels of activation."""
+
+    def levels(self, times: Floats, edges: Floats) -> Floats:
+        """Levels (T, groups, n) of all muscle groups at `times`, s, in the cells between `edges`, m."""
+        ...
+
+
+class Outputs(Protocol):
+    """What a goal may read of the arm, at T instants.
+
+    On a recording these are arrays of all instants; on the reduced model they are CasADi expressions of one instant, with T = 1 (and a
+    quantity of shape (T,) is 1 by 1). A goal calculates with `math` (`numpy` or `casadi`), element by element, and sums along the arm by
+    ``row @ weights``, so that one formula serves both.
+
+    Attributes
+    ----------
+    math : module
+        `numpy` or `casadi`: for ``sqrt, fmax, fmin, sin, cos, atan2``.
+    arm : Arm
+    twist, lifted_writhe, lifted_link : (T,), turns
+    length : (T,), m
+    uturn : (T,)
+        1 + tip tangent . base tangent: near zero the writhe's branch is a matter of chance.
+    tip, tip_tangent : (T, 3), m and unit vector
+    stations : (n + 2,) float64, m
+        Rest arclengths of the plant's frames: base, element centres, tip.
+    curvatures : three of (T, n + 1), 1/m
+        Material curvatures k1, k2, k3, means between neighbouring stations.
+    stretch : (T, n)
+        Of the elements.
+    points : three of (T, n + 1), m
+        x, y, z of the nodes.
+    """
+
+    math: Any
+    arm: Arm
+    twist: Expression
+    lifted_writhe: Expression
+    lifted_link: Expression
+    length: Expression
+    uturn: Expression
+    tip: Expression
+    tip_tangent: Expression
+    stations: Floats
+    curvatures: tuple[Expression, Expression, Expression]
+    stretch: Expression
+    points: tuple[Expression, Expression, Expression]
+
+
+class Reach(Protocol):
+    """What an arm can do at rest under levels up to `level`; see `octoctrl.planners.model.reach.ReachLimits`."""
+
+    level: float
+    twist: dict[str, float]
+    turns: float
+    writhe: float
+    length: tuple[float, float]
+
+
+@runtime_checkable
+class Goal(Protocol):
+    """Something that has to hold in a phase: one definition, read on the reduced model for planning and on the recording for the verdict.
+
+    Attributes
+    ----------
+    quantity : str
+        What it is about, as task files and verdicts call it.
+    when : When
+        At the end of its phase, or throughout.
+    hold : float, s
+        For how long before the end it has to hold already.
+    tolerance : float
+        Largest miss that still counts as reached, in `unit`.
+    unit : str
+        ``"turns"``, ``"m"``, ``"rad"`` or ``""``.
+
+    Notes
+    -----
+    ``str(goal)`` is the goal in words, for messages: ``"twist -1 ± 0.1 turns"``.
+    """
+
+    quantity: str
+    when: When
+    hold: float
+    tolerance: float
+    unit: str
+
+    def miss(self, recording: Recording, trace: TopologyTrace, arm: Arm) -> Floats:
+        """By how much it is missed at each instant of a recording, (T,) in `unit`: 0 where it holds exactly."""
+        ...
+
+    def residuals(self, outputs: Outputs) -> list[Expression]:
+        """The same on the reduced model at one instant: expressions in `unit` whose root of the sum of squares is the miss."""
+        ...
+
+    def beyond(self, reach: Reach) -> str:
+        """Why the arm cannot do it at any time, as what the limit is; empty if nothing is known against it."""
+        ...
+
+
+@runtime_checkable
+class Primitive(Protocol):
+    """A named motion with a few numbers, as plant and planner see it: a frozen dataclass with an `onset`, mostly an `offset`."""
+
+    def templates(self) -> tuple[Template, ...]:
+        """Activation templates; fields may be CasADi expressions."""
+        ...
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Allowed range of each number that the planner may choose."""
+        ...
+
+    def effort(self, seconds: Expression) -> Expression:
+        """Integral of the squared level over the `seconds` for which it is on, s."""
+        ...
+
+
+class ReducedMotion(Protocol):
+    """Motion of a reduced model, T instants, S sections."""
+
+    time: Floats
+    strains: Floats
+
+
+class Sensitivity(NamedTuple):
+    """A motion and the derivatives (T, S, 4, p) of its strains by p parameters."""
+
+    motion: ReducedMotion
+    slopes: Floats
+
+
+class Linear(NamedTuple):
+    """A motion's N steps linearised: next strains by strains (N, 4 S, 4 S) and by levels (N, 4 S, groups, S)."""
+
+    transition: Floats
+    influence: Floats
+
+
+class Observation(Protocol):
+    """What a controller may see at one instant; shapes as in `Recording`, without the first axis."""
+
+    time: float
+    points: Floats
+    frames: Floats
+    stations: Floats
+    stretch: Floats
+
+
+class ReducedModel(Protocol):
+    """The small model of an arm that planning, observing and feedback share."""
+
+    def levels(self, source: ActivationSource, times: Floats) -> Floats:
+        """Levels (T, groups, S) that the model feels."""
+        ...
+
+    def simulate(self, levels: Floats, steps: Floats, *, start: Floats | None = None) -> ReducedMotion:
+        """Motion under `levels` (N, groups, S) at the ends of `steps` (N,), s, from the strains `start` (S, 4), else from rest."""
+        ...
+
+    def sensitivities(self, levels: Floats, level_slopes: Floats, steps: Floats, step_slopes: Floats) -> Sensitivity:
+        """The motion, and its exact derivatives by the parameters on which `levels` and `steps` depend."""
+        ...
+
+    def linearise(self, motion: ReducedMotion, levels: Floats, steps: Floats) -> Linear:
+        """The motion's steps, linearised."""
+        ...
+
+    def outputs(self, strains: Floats, pole: Floats) -> tuple[Floats, Floats]:
+        """Topology and tip pose (T, m) of strains (T, S, 4), and their derivatives (T, m, S, 4)."""
+        ...
+
+    def strains(self, observation: Observation) -> Floats:
+        """Section strains (S, 4) of a measured shape."""
+        ...
+
+
+class ClockReading(NamedTuple):
+    """Plant time now (s), and the phase clock's reading at the begin and the end of the coming period: equal while a phase waits."""
+
+    now: float
+    begin: float
+    end: float
+    period: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerReport:
+    """What a controller has to say after a run.
+
+    Attributes
+    ----------
+    largest_correction : float
+        Of any level.
+    estimated_errors : mapping of str to float
+        Relative errors that it believes in, by what they belong to.
+    design_time : float, s
+        Processor time before the run.
+    """
+
+    largest_correction: float = 0.0
+    estimated_errors: Mapping[str, float] = field(default_factory=dict)
+    design_time: float = 0.0
+
+
+class Controller(Protocol):
+    """What turns observations into activation."""
+
+    name: str
+
+    def levels(self, observation: Observation, reading: ClockReading) -> ActivationSource:
+        """The activation for the coming period."""
+        ...
+
+    def report(self) -> ControllerReport:
+        """What there is to say after a run."""
+        ...
