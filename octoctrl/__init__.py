@@ -9,15 +9,16 @@
 import importlib.util
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 
-def _find_in_checkout(name):
+def _find_in_checkout(name: str) -> None:
     """In a source checkout, take `sim` or `planners` from the folder beside this one: those two and nothing else of the checkout."""
     folder = Path(__file__).parent.parent / name
     if not (folder / "py.typed").is_file() or (Path(__file__).parent / name).exists():
         return
     spec = importlib.util.spec_from_file_location(f"{__name__}.{name}", folder / "__init__.py", submodule_search_locations=[str(folder)])
+    assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
@@ -111,15 +112,17 @@ __all__ = [
 ]
 
 
-def __getattr__(name):
-    if name == "tasks":
-        return importlib.import_module("octoctrl.tasks")
-    if name not in _HOME_OF:
-        raise AttributeError(f"module 'octoctrl' has no attribute '{name}' ({', '.join(__all__)})")
-    value = getattr(importlib.import_module(_HOME_OF[name]), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # type checkers read the imports above, and must see that there is nothing else
+
+    def __getattr__(name: str) -> Any:
+        if name == "tasks":
+            return importlib.import_module("octoctrl.tasks")
+        if name not in _HOME_OF:
+            raise AttributeError(f"module 'octoctrl' has no attribute '{name}' ({', '.join(__all__)})")
+        value = getattr(importlib.import_module(_HOME_OF[name]), name)
+        globals()[name] = value
+        return value
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})

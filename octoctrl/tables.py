@@ -3,24 +3,16 @@
 import os
 import platform
 import time
+from collections.abc import Callable, Sequence
 from importlib import metadata
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
 
-def table(headings, rows):
-    """Align columns of text: the first to the left, the others to the right.
-
-    Parameters
-    ----------
-    headings : tuple of str
-    rows : list of tuple of str
-
-    Returns
-    -------
-    list of str
-    """
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Align columns of text, `headings` and `rows`, in lines: the first to the left, the others to the right."""
     widths = [max(len(row[column]) for row in [headings, *rows]) for column in range(len(headings))]
     lines = []
     for row in [headings, *rows]:
@@ -29,17 +21,8 @@ def table(headings, rows):
     return lines
 
 
-def plain(value):
-    """Turn numbers of NumPy, infinities and tuples into what JSON knows; infinite and undefined numbers become None.
-
-    Parameters
-    ----------
-    value : object
-
-    Returns
-    -------
-    object
-    """
+def plain(value: Any) -> Any:
+    """Turn numbers of NumPy, infinities and tuples in `value` into what JSON knows; infinite and undefined numbers become None."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float) and not isfinite(value):
@@ -51,18 +34,13 @@ def plain(value):
     return value if isinstance(value, int | float | str | bool | None) else str(value)
 
 
-def number(value):
-    """Write `value` (float) with at most four significant digits, whole numbers as such."""
+def number(value: float) -> str:
+    """Write `value` with at most four significant digits, whole numbers as such."""
     return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else f"{value:.4f}" if abs(value) >= 1e-3 else f"{value:.1e}"
 
 
-def machine():
-    """The machine and the versions that the figures belong to.
-
-    Returns
-    -------
-    dict of str to str
-    """
+def machine() -> dict[str, str]:
+    """The machine and the versions that the figures belong to."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as file:
             processor = next(line.partition(":")[2].strip() for line in file if line.startswith("model name"))
@@ -78,19 +56,8 @@ def machine():
     }
 
 
-def fastest(work, times):
-    """Processor and wall time of the fastest run of `work`.
-
-    Parameters
-    ----------
-    work : callable
-    times : int
-        How often it runs.
-
-    Returns
-    -------
-    (float, float), s
-    """
+def fastest(work: Callable[[], object], times: int) -> tuple[float, float]:
+    """Processor and wall time of the fastest of so many `times` of `work`, both in s."""
     spent = np.full(2, np.inf)
     for _ in range(times):
         begin = time.process_time(), time.perf_counter()

@@ -9,6 +9,7 @@ global lock, so that threads can simulate side by side.
 import hashlib
 import logging
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import CellType, CodeType
 from typing import Any
@@ -20,7 +21,7 @@ from numba.core.caching import FunctionCache
 _log = logging.getLogger(__name__)
 
 
-def kernel(function=None, **options):
+def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Compile `function` with numba, cached on disk where a cache folder is writable.
 
     Parameters
@@ -42,7 +43,7 @@ def kernel(function=None, **options):
     """
     if function is None:
         return lambda inner: kernel(inner, **options)
-    settings = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True} | options
+    settings: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True} | options
     if function.__closure__ is not None:
         # Machine code of variants that were compiled in different processes could otherwise bear one name, and a process that loads both
         # would run one for the other: numba tells them apart by counting.
@@ -50,9 +51,14 @@ def kernel(function=None, **options):
     compiled = numba.njit(**settings)(function)
     try:
         compiled._cache = _Cache(function, settings)
-    except RuntimeError as error:
-        _log.warning("compiled code is not kept between runs (%s); set NUMBA_CACHE_DIR to a writable folder", error)
+    except RuntimeError:
+        _say_that_nothing_is_kept()
     return compiled
+
+
+@cache
+def _say_that_nothing_is_kept() -> None:
+    _log.warning("compiled code is not kept between runs, for no folder of its own can be written; set NUMBA_CACHE_DIR to one that can")
 
 
 class _Cache(FunctionCache):
@@ -62,11 +68,11 @@ class _Cache(FunctionCache):
     would be compiled at every start; and it misses changes of functions in other files.
     """
 
-    def __init__(self, function, settings):
+    def __init__(self, function: Callable[..., Any], settings: dict[str, Any]) -> None:
         super().__init__(function)
         self._settings = repr(sorted((name, sorted(value) if isinstance(value, set) else value) for name, value in settings.items()))
 
-    def _index_key(self, sig, codegen):
+    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         return sig, codegen.magic_tuple(), (self._settings, fingerprint(self._py_func))
 
 
@@ -88,7 +94,7 @@ _EMPTY = CellType()
 """What a function holds that is not yet defined: itself, while it is being decorated."""
 
 
-def fingerprint(function):
+def fingerprint(function: Callable[..., Any]) -> str:
     """Digest of a function, of all functions that it calls, and of the constants that they use.
 
     Parameters
@@ -103,7 +109,7 @@ def fingerprint(function):
     return _digest(function, {})
 
 
-def _digest(value, known):
+def _digest(value: Any, known: dict[Any, str]) -> str:
     function = getattr(value, "py_func", value)
     if not hasattr(function, "__code__"):
         return _constant(value)
@@ -117,7 +123,7 @@ def _digest(value, known):
     return known[function]
 
 
-def _constant(value):
+def _constant(value: Any) -> str:
     if isinstance(value, CodeType):
         return value.co_code.hex() + "".join(map(_constant, value.co_consts))
     if isinstance(value, np.ndarray):

@@ -3,6 +3,8 @@
 import difflib
 import math
 import numbers
+from collections.abc import Collection, Iterable
+from typing import Any
 
 
 class OctoctrlError(ValueError):
@@ -26,7 +28,7 @@ class PlantUnstableError(RuntimeError):
         What was recorded up to the last good state.
     """
 
-    def __init__(self, message, *, time, element, mechanism, rod="arm", recording=None):
+    def __init__(self, message: str, *, time: float, element: int, mechanism: str, rod: str = "arm", recording: Any = None) -> None:
         super().__init__(message)
         self.time = time
         self.rod = rod
@@ -39,7 +41,17 @@ class OctoctrlWarning(UserWarning):
     """Something the user should know that does not stop the work."""
 
 
-def check_number(name, value, *, above=None, at_least=None, below=None, at_most=None, unit="", advice=""):
+def check_number(
+    name: str,
+    value: object,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    unit: str = "",
+    advice: str = "",
+) -> None:
     """Check a finite number against its allowed range.
 
     Raises
@@ -49,34 +61,35 @@ def check_number(name, value, *, above=None, at_least=None, below=None, at_most=
     """
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise OctoctrlError(f"{name}: expected a number{f' in {unit}' if unit else ''}, found {_describe(value)}")
-    if not math.isfinite(value):
+    found = float(value)
+    if not math.isfinite(found):
         raise OctoctrlError(f"{name} is {value}; a finite number is needed")
     low_open, high_open = above is not None, below is not None
     low, high = (above if low_open else at_least), (below if high_open else at_most)
-    too_low = low is not None and (value <= low if low_open else value < low)
-    too_high = high is not None and (value >= high if high_open else value > high)
+    too_low = low is not None and (found <= low if low_open else found < low)
+    too_high = high is not None and (found >= high if high_open else found > high)
     if too_low or too_high:
         space = f" {unit}" if unit else ""
         if low is not None and high is not None:
             allowed = f"{low:g}…{high:g}{space}"
         else:
             allowed = (f"{'>' if low_open else '>='} {low:g}" if low is not None else f"{'<' if high_open else '<='} {high:g}") + space
-        raise OctoctrlError(f"{name}={value:g}{space} is outside {allowed}{f'; {advice}' if advice else ''}")
+        raise OctoctrlError(f"{name}={found:g}{space} is outside {allowed}{f'; {advice}' if advice else ''}")
 
 
-def suggest(word, known):
+def suggest(word: object, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest known word, or an empty string."""
     lowered = {name.lower(): name for name in known}
     near = difflib.get_close_matches(str(word).lower(), list(lowered), n=1, cutoff=0.6)
     return f"; did you mean '{lowered[near[0]]}'?" if near else ""
 
 
-def check_choice(name, value, choices):
+def check_choice(name: str, value: object, choices: Collection[str]) -> None:
     """Check that `value` is one of `choices`; the error suggests the nearest."""
     if value not in choices:
         listed = ", ".join(str(choice) for choice in choices)
         raise OctoctrlError(f"unknown {name} '{value}'{suggest(value, choices)} ({listed})")
 
 
-def _describe(value):
+def _describe(value: object) -> str:
     return f"the string {value!r}" if isinstance(value, str) else f"{type(value).__name__} {value!r}"

@@ -5,9 +5,12 @@ frame Q to ``exp(-[u]) Q``: its components are material, and a positive u3 is a 
 """
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
 
 
-def rotation_matrix(vector):
+def rotation_matrix(vector: ArrayLike) -> Floats:
     """Matrix exp(-[u]) of rotation vectors (..., 3), as (..., 3, 3)."""
     vector = np.asarray(vector, dtype=float)
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
@@ -18,7 +21,7 @@ def rotation_matrix(vector):
     return np.eye(3) - sine * cross + 0.5 * half**2 * (cross @ cross)
 
 
-def rotation_vector(matrix):
+def rotation_vector(matrix: ArrayLike) -> Floats:
     """Rotation vectors (..., 3) of matrices exp(-[u]) (..., 3, 3), for angles below pi."""
     matrix = np.asarray(matrix, dtype=float)
     axial = 0.5 * np.stack(
@@ -35,7 +38,7 @@ def rotation_vector(matrix):
     return axial / np.sinc(angle / np.pi)[..., None]
 
 
-def ribbon_frames(points, frames):
+def ribbon_frames(points: ArrayLike, frames: ArrayLike) -> Floats:
     """Frames of the ribbon along the centreline.
 
     A sheared rod's d3 is not the tangent of its centreline; link, writhe and twist are those of the centreline and a ribbon on it. The

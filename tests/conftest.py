@@ -1,15 +1,63 @@
-"""Shared objects: a coil plan made by hand, and an execution that follows it with small errors."""
+"""Shared objects: the built wheel, a coil plan made by hand, and an execution that follows it with small errors."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+ROOT = Path(__file__).parent.parent
+
 
 def pytest_configure(config):
+    # Programs that tests start take the octoctrl that is tested, not the one of the folder that they happen to start in.
+    os.environ["PYTHONSAFEPATH"] = "1"
     try:
         import octoctrl.sim
     except ImportError:
-        pytest.exit("octoctrl is not installed; run: pip install -e '.[test]'", returncode=4)
+        pytest.exit("octoctrl is not installed; run: pip install '.[test]'", returncode=4)
     assert octoctrl.sim
+
+
+def pytest_report_header(config):
+    import octoctrl
+
+    return f"octoctrl: {Path(octoctrl.__file__).parent}"
+
+
+@pytest.fixture(scope="session")
+def source(tmp_path_factory):
+    """A copy of what the wheel is made of: building leaves files behind, and takes in those that earlier builds left."""
+    copy = tmp_path_factory.mktemp("source")
+    for folder in ("octoctrl", "sim", "planners"):
+        shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__"), symlinks=True)
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, copy)
+    return copy
+
+
+@pytest.fixture(scope="session")
+def wheel(source, tmp_path_factory):
+    """Path of the wheel."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+        "--wheel-dir",
+        str(folder),
+        str(source),
+    ]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    (path,) = folder.glob("octoctrl-*.whl")
+    return path
 
 
 DURATION, SECTIONS = 3.0, 8

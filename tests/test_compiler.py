@@ -143,3 +143,16 @@ def test_options_belong_to_the_key(options):
     compiled = kernel(**options)(double)
     assert compiled(2.0) == 4.0
     assert ("contract" in compiled._cache._settings) == (not options)
+
+
+def test_what_cannot_be_kept_is_said_once():
+    """Of an installation and a home that cannot be written; without the test's own folder for compiled code."""
+    program = "from octoctrl.sim.compiler import kernel\n"
+    program += "exec(compile('def f(x): return x\\ndef g(x): return 2 * x', '/dev/null/nowhere.py', 'exec'))\n"
+    program += "print(kernel(f)(1) + kernel(g)(1))"
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    environment |= {"HOME": "/dev/null", "XDG_CACHE_HOME": "/dev/null", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "3\n"
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("compiled code is not kept between runs") and "NUMBA_CACHE_DIR" in line

@@ -51,7 +51,7 @@ def child(code, cache=None):
     places = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
     environment = places if cache is None else places | {"NUMBA_CACHE_DIR": str(cache)}
     begin = perf_counter()
-    done = subprocess.run([sys.executable, "-c", code + REPORT], env=environment, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-P", "-c", code + REPORT], env=environment, capture_output=True, text=True)
     wall = perf_counter() - begin
     if done.returncode:
         raise OctoctrlError(f"start-up failed: {done.stderr.strip().splitlines()[-1]}")

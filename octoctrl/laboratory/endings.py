@@ -147,13 +147,13 @@ class _Run:
             return found | {"verdict": Verdict.UNDETECTED, "reason": complaint}
         if trial.number % COMPARED or trial.kind in ASSEMBLY_KINDS:
             return found | {"verdict": Verdict.FINISHED}
-        error = self._apart(recording, self._plant(finer=2))
-        if error < TOLERANCE:
-            return found | {"verdict": Verdict.ACCURATE, "error": error}
+        apart = self._apart(recording, self._plant(finer=2))
+        if apart < TOLERANCE:
+            return found | {"verdict": Verdict.ACCURATE, "error": apart}
         growth = self._apart(recording, self._plant(displacement=PERTURBATION)) / PERTURBATION
         verdict = Verdict.SENSITIVE if growth > SENSITIVE else Verdict.INACCURATE
-        said = f"half the step moves the tip by {error:.1%} of the length, a displacement of 1e-6 grows {growth:.0f} times"
-        return found | {"verdict": verdict, "error": error, "reason": f"{said}; {plant.elements} elements, step {plant.h:.2g} s"}
+        said = f"half the step moves the tip by {apart:.1%} of the length, a displacement of 1e-6 grows {growth:.0f} times"
+        return found | {"verdict": verdict, "error": apart, "reason": f"{said}; {plant.elements} elements, step {plant.h:.2g} s"}
 
     def _recorded(self):
         """The recording, and a complaint if bits differ that must not."""

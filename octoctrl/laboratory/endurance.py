@@ -31,7 +31,8 @@ def long_run(steps=STEPS, pieces=20, progress=None):
     simulation, along = RodSimulation(rod), np.linspace(0.0, 1.0, 11)
     simulation.velocities = np.stack([0.1 * np.sin(np.pi * along), 0.02 * along, 0.1 * np.cos(2 * np.pi * along)], axis=1)
     simulation.spins = np.tile([0.0, 2.0, 5.0], (10, 1))
-    energies, momentum, angular = [sum(simulation.energy().values())], *_momenta(simulation)
+    energies = [sum(simulation.energy().values())]
+    momentum, angular = _momenta(simulation)
     if progress is not None:
         progress.start(f"{steps:,} steps of an elastic rod", total=pieces)
     for piece in range(pieces):

@@ -15,7 +15,7 @@ from ..body.anatomy import OCTOPUS
 from ..body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, azimuth
 from ..errors import OctoctrlError, PlantUnstableError, check_choice, check_number
 from ..rotations import rotation_matrix, rotation_vector
-from ..running.clock import choose_step
+from ..running.clock import StepLimit, choose_step
 from ..running.recording import Recording
 from ..scene.scene import Scene
 from .diagnosis import ALTERNATING, TRAIL, Stop, alternation, substeps
@@ -33,7 +33,7 @@ LARGEST_STEP = 1e-3
 CHUNK = 100
 """Samples per compiled call: how often progress is shown and Ctrl-C is answered."""
 
-_LIMITS = {}
+_LIMITS: dict[tuple[Arm, Scene], StepLimit] = {}
 """Step limits at rest by arm and scene: many plants of a study are alike."""
 
 FINER = (2, 4)

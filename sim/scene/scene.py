@@ -30,7 +30,7 @@ class Water:
     oblique_rate: float = 125.0
     factor: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("density", "normal_coefficient", "tangential_coefficient", "ring_rate", "oblique_rate", "factor"):
             check_number(name, getattr(self, name), at_least=0.0)
 
@@ -48,6 +48,6 @@ class Scene:
     water: Water | None = field(default=Water())
 
     @classmethod
-    def free(cls, **water):
+    def free(cls, **water: float) -> "Scene":
         """An arm alone in water; keywords change fields of `Water`."""
         return cls(water=Water(**water))
