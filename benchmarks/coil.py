@@ -90,7 +90,7 @@ def planning_times(configuration, identified):
         begin = perf_counter()
         found = trajectory.plan(task, identified, **how)
         spent = perf_counter() - begin
-        iterations = found.statistics.get("iterations", 0)
+        iterations = found.report.iterations
         print(f"{label:>44} {spent:9.4f} s {iterations:5d}   {found.status.name}")
         return found
 
@@ -108,7 +108,7 @@ def planning_times(configuration, identified):
     for _ in range(GUESSES):
         start = problem.start * (1 + 0.3 * draw.uniform(-1, 1, len(problem.start)))
         found = trajectory.plan(task, identified, start=dict(zip(problem.names, start, strict=True)))
-        numbers = [np.array(list(item.statistics["numbers"].values())) for item in (plan, found)]
+        numbers = [np.array(list(item.report.numbers.values())) for item in (plan, found)]
         distance = float(abs((numbers[1] - numbers[0]) / problem.scale).max())
         same, worst = same + (found.status is plan.status and distance < 0.01), max(worst, distance)
     mean = (perf_counter() - begin) / GUESSES

@@ -69,7 +69,7 @@ def coil(label, changes):
     stored, lk, wr = at("twist", "store"), at("lifted_link", "cross"), at("lifted_writhe", "cross")
     mean, parts = suckers(recording.frames[spiral])
     centre, side = toward_centre(recording, spiral), -1 if "outward" in label else 1
-    levels = {name: round(number, 2) for name, number in plan.statistics["numbers"].items() if name.endswith("level")}
+    levels = {name: round(number, 2) for name, number in plan.report.numbers.items() if name.endswith("level")}
     print(f"\n{label}: {recording.time[-1]:.2f} s simulated in {spent:.0f} s of processor time; planned levels {levels}")
     print(
         f"  status {run.status.name}, verdict {oc.verify(run).status}, phases met {sum(event.met for event in run.events)} of {len(ends)}"

@@ -87,7 +87,8 @@ def coil_motion(arm, strains):
 def coil_plan():
     from octoctrl import tasks
     from octoctrl.planners.asking.schedule import Schedule
-    from octoctrl.planners.solving.plan import Plan, PlanStatus
+    from octoctrl.planners.model.reduced import ReducedModel
+    from octoctrl.planners.solving.plan import Plan, PlanReport, PlanStatus
     from octoctrl.sim.topology.measures import measure
 
     configuration = tasks.load("coil")
@@ -97,15 +98,14 @@ def coil_plan():
     _, frames, points = coil_motion(arm, strains)
     return Plan(
         task=task,
-        arm=arm,
-        scene=configuration.scene,
+        model=ReducedModel(arm=arm, scene=configuration.scene, sections=SECTIONS),
         schedule=Schedule(primitives=tuple(drive.at(BEGINS, {}) for drive in task.drives), duration=DURATION),
         phase_begins=dict(BEGINS),
         time=time,
         strains=strains,
         trace=measure(time, points, frames, task.convention),
         status=PlanStatus.SOLVED,
-        statistics={"solve_time": 0.25, "iterations": np.int64(12), "largest_violation": 0.0, "bound": np.inf, "note": None},
+        report=PlanReport(solve_time=0.25, iterations=12, numbers={"store.duration": 1.5}, reason="none", headroom=np.inf),
     )
 
 

@@ -40,7 +40,7 @@ def test_plan_says_what_it_found(folder):
     answer = json.loads(done["plan"].stdout)
     assert answer["status"] == "solved" and answer["message"].startswith("Solved: ")
     assert list(answer["phase_begins"]) == ["store", "open", "spiral", "cross", "telescope"]
-    assert answer["statistics"]["wall_time"] < 60 and len(answer["statistics"]["goals"]) == 6
+    assert answer["report"]["wall_time"] < 60 and len(answer["report"]["goals"]) == 6
     assert done["plan"].stderr.strip() == "planning"
     header = store.read_header(path / "plan.npz")
     assert header["content"] == "Plan" and "[task]" in header["origin"]["configuration"]
@@ -86,7 +86,7 @@ def test_a_task_can_be_printed_edited_and_fed_back(folder):
     (path / "my.toml").write_text(head + 'name = "telescope"' + tail.replace("value = 1.0", "value = 0.9"))
     process = octoctrl("plan", "my.toml", "-o", "my.npz", "-q", "--json", cwd=path)
     assert process.returncode == 0, process.stderr
-    goals = json.loads(process.stdout)["statistics"]["goals"]
+    goals = json.loads(process.stdout)["report"]["goals"]
     assert (goals[-1]["phase"], goals[-1]["goal"]) == ("telescope", 0.9) and goals[-1]["value"] == pytest.approx(0.9, abs=0.1)
     (path / "far.toml").write_text(head + 'name = "telescope"' + tail.replace("value = 1.0", "value = 3.0"))
     process = octoctrl("plan", "far.toml", "-o", "far.npz", "-q", cwd=path)

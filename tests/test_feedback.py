@@ -32,7 +32,7 @@ def resting(coil):
     schedule = Schedule(primitives=(Twist(hand="R-OM", level=0.2),), duration=12.0)
     motion = model.simulate(schedule.activation(), schedule.duration)
     held = Plan(
-        task=plan.task, arm=plan.arm, scene=plan.scene, schedule=schedule, phase_begins={"store": 0.0}, time=motion.time,
+        task=plan.task, model=model, schedule=schedule, phase_begins={"store": 0.0}, time=motion.time,
         strains=motion.strains, trace=model.trace(motion.time, motion.strains), status=PlanStatus.SOLVED,
     )  # fmt: skip
     return design(held, model)

@@ -47,7 +47,7 @@ def with_goals(**goals):
 
 
 def numbers(plan):
-    return np.array(list(plan.statistics["numbers"].values()))
+    return np.array(list(plan.report.numbers.values()))
 
 
 # The problem
@@ -101,9 +101,7 @@ def test_coil_is_solved_and_its_goals_hold_on_a_simulation_of_our_own(coil, prob
 
 def test_goals_of_the_coil_leave_tolerance_to_the_plant(coil):
     """A third on the planner's own steps of 0.15 s; the fine simulation differs from those by up to 0.02 turns, a fifth of a tolerance."""
-    used = {
-        f"{goal['phase']}.{goal['quantity']}": abs(goal["value"] - goal["goal"]) / goal["tolerance"] for goal in coil.statistics["goals"]
-    }
+    used = {f"{goal.phase}.{goal.quantity}": goal.share for goal in coil.report.goals}
     assert len(used) == 6
     assert max(used.values()) <= trajectory.GOAL_SHARE + 0.2, used
 
@@ -112,8 +110,8 @@ def test_coil_respects_bounds_and_headroom(coil, problem):
     p = numbers(coil)
     assert (p >= problem.lower).all() and (p <= problem.upper).all()
     levels = coil.schedule.activation().levels(np.arange(0, coil.schedule.duration, 0.01), coil.arm.edges)
-    assert levels.max() <= 0.75 and coil.statistics["headroom"] == pytest.approx(1 - levels.max(), abs=0.01)
-    assert coil.statistics["extrapolates"] == []
+    assert levels.max() <= 0.75 and coil.report.headroom == pytest.approx(1 - levels.max(), abs=0.01)
+    assert coil.report.extrapolates == ()
 
 
 def test_coil_tells_the_story_of_the_paper(coil):
@@ -128,7 +126,7 @@ def test_coil_tells_the_story_of_the_paper(coil):
 def test_plan_is_deterministic(coil, identified):
     again = trajectory.plan(COIL, identified)
     np.testing.assert_array_equal(numbers(again), numbers(coil))
-    assert again.statistics["iterations"] == coil.statistics["iterations"]
+    assert again.report.iterations == coil.report.iterations
 
 
 def same_plan_from(perturbation, coil, problem, identified):
@@ -168,7 +166,7 @@ def test_unreachable_targets_are_refused_before_solving(case, identified, monkey
     found = trajectory.plan(with_goals(**goals), identified)
     assert process_time() - begin < 0.1
     assert found.status is PlanStatus.UNREACHABLE
-    assert all(word in found.statistics["reason"] for word in words), found.statistics["reason"]
+    assert all(word in found.report.reason for word in words), found.report.reason
     with pytest.raises(PlanFailedError, match="lies outside what the arm can do"):
         found.raise_if_failed()
 
@@ -179,7 +177,7 @@ def test_limits_stop_with_an_honest_status_and_keep_the_plan(identified):
         found = trajectory.plan(COIL, identified, **limits)
         assert process_time() - begin < 1.5
         assert found.status is status
-        assert found.statistics["reason"].startswith("phase '") and len(found.trace.time) > 50
+        assert found.report.reason.startswith("phase '") and len(found.trace.time) > 50
         assert found.schedule.duration > 3
         with pytest.raises(PlanFailedError, match="Stopped at the"):
             found.raise_if_failed()
@@ -189,8 +187,8 @@ def test_contradicting_goals_are_never_called_solved(identified):
     """Writhe before anything bends: either goal can be met alone, not both."""
     found = trajectory.plan(with_goals(store=aims("twist", -1.0) + aims("lifted_writhe", -1.5)), identified, max_iterations=20)
     assert found.status in (PlanStatus.INFEASIBLE, PlanStatus.ITERATION_LIMIT)
-    assert found.statistics["reason"].startswith("phase 'store' ends with lifted writhe")
-    assert "the goal is -1.5 +- 0.1" in found.statistics["reason"]
+    assert found.report.reason.startswith("phase 'store' ends with lifted writhe")
+    assert "the goal is -1.5 +- 0.1" in found.report.reason
 
 
 # Planning again
@@ -201,7 +199,7 @@ def test_planning_again_is_quicker_and_ends_where_a_cold_start_ends(coil, proble
     cold = trajectory.plan(task, identified)
     again = trajectory.plan(task, identified, guess=coil)
     assert again.status is cold.status is PlanStatus.SOLVED
-    assert again.statistics["iterations"] < cold.statistics["iterations"]
+    assert again.report.iterations < cold.report.iterations
     assert abs((numbers(again) - numbers(cold)) / problem.scale).max() < 0.01
 
 
@@ -288,7 +286,7 @@ def test_a_task_without_goals_plans_its_own_numbers(identified):
     phase = Phase(name="hold", duration=1.0, goals=aims("twist", -0.4, 0.2))
     drive = Drive(name="twist", primitive="Twist", begins="hold", settings={"hand": "R-OM", "level": 0.2})
     found = trajectory.plan(Task(name="hold", phases=(phase,), drives=(drive,)), identified)
-    assert found.status is PlanStatus.SOLVED and list(found.statistics["numbers"]) == ["hold.duration", "twist.level"]
+    assert found.status is PlanStatus.SOLVED and list(found.report.numbers) == ["hold.duration", "twist.level"]
 
 
 def test_another_arm_plans_without_identification_and_says_so():
@@ -296,7 +294,7 @@ def test_another_arm_plans_without_identification_and_says_so():
     phase = Phase(name="hold", duration=1.0, goals=aims("twist", -0.4, 0.2))
     drive = Drive(name="twist", primitive="Twist", begins="hold", settings={"hand": "R-OM", "level": 0.2})
     found = trajectory.plan(Task(name="hold", phases=(phase,), drives=(drive,)), load_identified(arm))
-    assert found.status is PlanStatus.SOLVED and any("R-OM reaches" in sentence for sentence in found.statistics["extrapolates"])
+    assert found.status is PlanStatus.SOLVED and any("R-OM reaches" in sentence for sentence in found.report.extrapolates)
 
 
 # The model behind it, against the plant

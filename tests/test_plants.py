@@ -168,18 +168,18 @@ def test_plan_knows_its_plant(plan, tmp_path):
     store.save(tmp_path / "plan.npz", plan)
     assert store.load(tmp_path / "plan.npz").plant == "assembly"
     other = oc.plan("coil")
-    assert other.plant == "rod" and other.statistics["numbers"] != plan.statistics["numbers"]
+    assert other.plant == "rod" and other.report.numbers != plan.report.numbers
 
 
 def test_task_file_names_the_plant(plan):
     configuration = parse(toml_of(tasks.load("coil", overrides=["run.plant=assembly"])))
     assert configuration.run.plant == "assembly"
     made = oc.plan(configuration)
-    assert made.plant == "assembly" and made.statistics["numbers"] == plan.statistics["numbers"]
+    assert made.plant == "assembly" and made.report.numbers == plan.report.numbers
 
 
 def test_plan_for_the_full_arm_stays_where_the_model_was_identified(plan):
-    assert plan.statistics["extrapolates"] == [] and plan.statistics["headroom"] > 0.25
+    assert plan.report.extrapolates == () and plan.report.headroom > 0.25
 
 
 def test_short_stretch_in_closed_loop_on_the_full_arm(plan, tmp_path, monkeypatch, capsys):

@@ -38,10 +38,7 @@ def same(a, b):
 
 
 def test_plan_and_execution_come_back_to_the_last_bit(tmp_path, coil_plan, coil_run):
-    clean = replace(coil_plan, statistics={**coil_plan.statistics, "iterations": 12})
-    for number, item in enumerate(
-        (clean, replace(coil_run, plan=clean), coil_run.recording, coil_run.trace, verify(coil_run), tasks.load("coil"))
-    ):
+    for number, item in enumerate((coil_plan, coil_run, coil_run.recording, coil_run.trace, verify(coil_run), tasks.load("coil"))):
         path = store.save(tmp_path / f"{number}.npz", item)
         assert same(store.load(path), item), type(item).__name__
 
@@ -77,8 +74,8 @@ def test_any_nesting_of_plain_values_comes_back(value):
 
 
 @pytest.mark.parametrize("value", [inf, -inf, nan, (), {}, {"a": (1, [2.0, None])}, -0.0, 1e-310, np.zeros((0, 3)), np.array(True)])
-def test_special_values(tmp_path, coil_plan, value):
-    back = store.load(store.save(tmp_path / "p.npz", replace(coil_plan, statistics={"value": value})))
+def test_special_values(tmp_path, coil_run, value):
+    back = store.load(store.save(tmp_path / "p.npz", replace(coil_run, statistics={"value": value})))
     assert same(back.statistics["value"], value)
 
 
@@ -107,23 +104,23 @@ class Unknown(Enum):
     A = 1
 
 
-def test_classes_of_the_user(tmp_path, coil_plan):
+def test_classes_of_the_user(tmp_path, coil_plan, coil_run):
     plan = replace(coil_plan, schedule=replace(coil_plan.schedule, primitives=(Nod(level=0.1),)))
     assert store.load(store.save(tmp_path / "p.npz", plan)).schedule.primitives == (Nod(level=0.1),)
     with pytest.raises(
-        OctoctrlError, match=r"Plan.statistics.key is of type Unknown, which cannot be stored; .* octoctrl.files.store.register"
+        OctoctrlError, match=r"Execution.statistics.key is of type Unknown, which cannot be stored; .* octoctrl.files.store.register"
     ):
-        store.save(tmp_path / "q.npz", replace(coil_plan, statistics={"key": Unknown.A}))
+        store.save(tmp_path / "q.npz", replace(coil_run, statistics={"key": Unknown.A}))
     assert not (tmp_path / "q.npz").exists()
     with pytest.raises(OctoctrlError, match="a class called 'Plan' can be stored already"):
         store.register(type("Plan", (), {}))
 
 
-def test_failed_write_keeps_the_old_file(tmp_path, coil_plan):
+def test_failed_write_keeps_the_old_file(tmp_path, coil_plan, coil_run):
     path = store.save(tmp_path / "p.npz", coil_plan)
     before = path.read_bytes()
     with pytest.raises(OctoctrlError):
-        store.save(path, replace(coil_plan, statistics={"key": object()}), overwrite=True)
+        store.save(path, replace(coil_run, statistics={"key": object()}), overwrite=True)
     assert path.read_bytes() == before
     assert [item.name for item in tmp_path.iterdir()] == ["p.npz"]
 

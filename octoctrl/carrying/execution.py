@@ -114,11 +114,10 @@ class _Feedback:
 
     def __init__(self, plan, period):
         from octoctrl.planners.following.tracking import Tracker, design
-        from octoctrl.planners.model.reduced import ReducedModel
 
         begin = perf_counter()
         self.activation = plan.schedule.activation()
-        self.model, self.period, self.pole = ReducedModel.of_plan(plan), period, plan.task.convention.pole
+        self.model, self.period, self.pole = plan.model, period, plan.task.convention.pole
         self.tracker = Tracker(design(plan, self.model, period))
         self.groups = self.tracker.design.groups
         self.correction = np.zeros(len(self.groups))

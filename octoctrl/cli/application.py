@@ -409,7 +409,7 @@ def _plan_json(made):
         "plant": made.plant,
         "duration": made.schedule.duration,
         "phase_begins": made.phase_begins,
-        "statistics": made.statistics,
+        "report": asdict(made.report),
     }
 
 

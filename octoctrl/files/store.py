@@ -21,9 +21,9 @@ import numpy as np
 
 from octoctrl.sim.errors import OctoctrlError
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the file format that this program writes."""
-OLDEST_SCHEMA = 1
+OLDEST_SCHEMA = 2
 
 _HOMES = {
     "octoctrl.sim.body.arm": ("Arm", "LumpedSection"),
@@ -34,7 +34,9 @@ _HOMES = {
     "octoctrl.sim.topology.trace": ("TopologyTrace", "TopologyConvention"),
     "octoctrl.planners.asking.schedule": ("Bend", "BendWave", "Elongate", "Schedule", "Shorten", "Twist"),
     "octoctrl.planners.asking.task": ("Drive", "Goal", "Phase", "Task"),
-    "octoctrl.planners.solving.plan": ("Plan", "PlanStatus"),
+    "octoctrl.planners.model.parameters": ("ReducedParameters",),
+    "octoctrl.planners.model.reduced": ("ReducedModel", "ReducedMotion"),
+    "octoctrl.planners.solving.plan": ("GoalReport", "Plan", "PlanReport", "PlanStatus"),
     "octoctrl.carrying.results": ("Check", "Event", "Execution", "ExecutionStatus", "Verdict"),
     "octoctrl.files.configuration": ("Configuration", "PlanSettings", "RunSettings"),
 }

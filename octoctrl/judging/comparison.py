@@ -5,7 +5,6 @@ from math import inf, isfinite
 
 import numpy as np
 
-from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.topology.trace import TopologyTrace
@@ -150,7 +149,7 @@ def planned_points(plan: Plan, times):
     when = np.clip(times, plan.time[0], plan.time[-1])
     flat = plan.strains.reshape(len(plan.time), -1)
     strains = np.stack([np.interp(when, plan.time, column) for column in flat.T], axis=1).reshape(len(when), *plan.strains.shape[1:])
-    return ReducedModel(arm=plan.arm, sections=plan.strains.shape[1]).points(strains)
+    return plan.model.points(strains)
 
 
 def rms(values):

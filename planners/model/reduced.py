@@ -83,18 +83,6 @@ class ReducedModel:
         if not isinstance(self.sections, int) or not 2 <= self.sections <= 40:
             raise OctoctrlError(f"sections={self.sections!r}: a whole number from 2 to 40 is needed (8 advised)")
 
-    @classmethod
-    def of_plan(cls, plan):
-        """The model that a `Plan` was made on."""
-        kept = plan.statistics["reduced_model"]
-        return cls(
-            arm=plan.arm,
-            scene=plan.scene,
-            laws=kept["laws"],
-            sections=kept["sections"],
-            parameters=ReducedParameters(**kept["parameters"]),
-        )
-
     @property
     def edges(self):
         """Arclengths that bound the sections, (S + 1,), m."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
@@ -12,6 +13,9 @@ from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..asking.schedule import Schedule
 from ..asking.task import Task
+from ..model.reduced import ReducedModel
+
+Floats = NDArray[np.float64]
 
 
 class PlanStatus(Enum):
@@ -19,7 +23,7 @@ class PlanStatus(Enum):
 
     SOLVED = "Solved: every goal is met within its tolerance on the reduced model; run it on the plant."
     UNREACHABLE = "Unreachable: a goal lies outside what the arm can do at the allowed levels; lower it or allow more activation."
-    INFEASIBLE = "Infeasible: no plan meets all goals; relax the goal named in the statistics, or allow longer phases."
+    INFEASIBLE = "Infeasible: no plan meets all goals; relax the goal named in the reason, or allow longer phases."
     TIME_LIMIT = "Stopped at the time limit: the best plan so far is kept; pass it as the guess or raise time_limit."
     ITERATION_LIMIT = "Stopped at the iteration limit: the best plan so far is kept; pass it as the guess or raise max_iterations."
 
@@ -29,12 +33,71 @@ class PlanFailedError(RuntimeError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class GoalReport:
+    """A goal at the end of its phase on the reduced model: wanted, found, and the tolerance, in turns or metres."""
+
+    phase: str
+    quantity: str
+    goal: float
+    value: float
+    tolerance: float
+
+    @property
+    def share(self) -> float:
+        """Part of the tolerance that the miss uses up; above 1 the goal is not met."""
+        return abs(self.value - self.goal) / self.tolerance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanReport:
+    """How a plan came about, and how well it does on the reduced model; also of a plan that was refused.
+
+    Attributes
+    ----------
+    reason : str
+        Why the goals are not met, in one sentence; empty when they are.
+    numbers : dict of str to float
+        The unknowns by name: durations of phases (s), free numbers of drives.
+    goals : tuple of GoalReport
+    headroom : float
+        Distance of the highest level from 1, which is left to feedback.
+    extrapolates : tuple of str
+        What of the motion lies outside of what the model was identified on.
+    iterations : int
+    solver : str
+        What the optimiser said last.
+    multipliers : tuple of float
+        Of the goals, in the optimiser's units.
+    build_time, solve_time, wall_time : float, s
+    """
+
+    reason: str = ""
+    numbers: dict[str, float] = field(default_factory=dict)
+    goals: tuple[GoalReport, ...] = ()
+    headroom: float = 1.0
+    extrapolates: tuple[str, ...] = ()
+    iterations: int = 0
+    solver: str = ""
+    multipliers: tuple[float, ...] = ()
+    build_time: float = 0.0
+    solve_time: float = 0.0
+    wall_time: float = 0.0
+
+    @property
+    def worst(self) -> GoalReport | None:
+        """The goal that uses up most of its tolerance."""
+        return max(self.goals, key=lambda goal: goal.share, default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
     """Result of planning.
 
     Attributes
     ----------
-    task, arm, scene : what was planned for
+    task : Task
+    model : ReducedModel
+        What it was planned on; it knows the arm and the scene.
     schedule : Schedule
     phase_begins : dict of str to float, s
         In order; the schedule's duration ends the last phase.
@@ -46,23 +109,31 @@ class Plan:
     status : PlanStatus
     plant : str
         Name of the plant that it was made for, on which the reduced model was identified.
-    statistics : dict
-        Wall times, iterations, largest goal violation, headroom, model fingerprint and the like.
+    report : PlanReport
     """
 
     task: Task
-    arm: Arm
-    scene: Scene
+    model: ReducedModel
     schedule: Schedule
     phase_begins: dict[str, float]
-    time: np.ndarray
-    strains: np.ndarray
+    time: Floats
+    strains: Floats
     trace: TopologyTrace
     status: PlanStatus
     plant: str = "rod"
-    statistics: dict = field(default_factory=dict)
+    report: PlanReport = field(default_factory=PlanReport)
 
-    def __str__(self):
+    @property
+    def arm(self) -> Arm:
+        """The arm that it was made for."""
+        return self.model.arm
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that it was made for."""
+        return self.model.scene
+
+    def __str__(self) -> str:
         phases = [*self.phase_begins.items()]
         ends = [*[begin for _, begin in phases[1:]], self.schedule.duration]
         lines = [
@@ -81,12 +152,11 @@ class Plan:
             numbers = [getattr(primitive, key, np.nan) for key in ("level", "onset", "rise", "offset")]
             cells = "".join(f"{number:8.2f}" if np.isfinite(number) else "       -" for number in numbers)
             lines.append(f"  {name:16}{type(primitive).__name__:11}{groups:11}{cells}")
-        told = [f"{key.replace('_', ' ')} {self.statistics[key]:.3g}" for key in ("wall_time", "iterations") if key in self.statistics]
-        lines += [f" planning: {', '.join(told)}"] if told else []
-        lines.append(" " + " ".join(filter(None, (self.status.value, self.statistics.get("reason", "")))))
+        lines.append(f" planning: {self.report.wall_time:.2f} s, {self.report.iterations} iterations")
+        lines.append(" " + " ".join(filter(None, (self.status.value, self.report.reason))))
         return "\n".join(lines)
 
-    def raise_if_failed(self):
+    def raise_if_failed(self) -> "Plan":
         """Return the plan if it is solved.
 
         Raises
@@ -98,7 +168,7 @@ class Plan:
             raise PlanFailedError(self.status.value)
         return self
 
-    def check_arm(self, arm):
+    def check_arm(self, arm: Arm) -> None:
         """Check that `arm` is the one the plan was made for.
 
         Raises

@@ -10,7 +10,7 @@ nothing and leads every reasonable guess to the same plan. What the arm cannot d
 """
 
 from copy import copy
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from time import perf_counter
@@ -24,7 +24,7 @@ from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..asking.schedule import Schedule
 from ..model.reduced import OUTPUTS
-from .plan import Plan, PlanStatus
+from .plan import GoalReport, Plan, PlanReport, PlanStatus
 from .reachability import unreachable
 
 MODEL_STEP, FEWEST_STEPS = 0.15, 4
@@ -311,7 +311,7 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
     guess : Plan, optional
         A solved plan of a similar task to start from; a plan that is not solved is ignored, because it would lead astray.
     start : dict of str to float, optional
-        First guess of single unknowns, by name (see ``Plan.statistics["numbers"]``), in place of the task's own numbers.
+        First guess of single unknowns, by name (see `PlanReport.numbers`), in place of the task's own numbers.
     progress : Progress, optional
 
     Returns
@@ -335,14 +335,14 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
         progress.start("planning")
     problem = _problem(task, model)
     warm = guess is not None and guess.status is PlanStatus.SOLVED
-    numbers = (guess.statistics["numbers"] if warm else {}) | (start or {})
+    numbers = (guess.report.numbers if warm else {}) | (start or {})
     first = np.clip(
         [numbers.get(name, value) for name, value in zip(problem.names, problem.start, strict=True)], problem.lower, problem.upper
     )
     built = perf_counter() - begin
     solve, keep = solver(problem, time_limit=time_limit - built, max_iterations=max_iterations, warm=warm, progress=progress)
     low, high = problem.lower / problem.scale, problem.upper / problem.scale
-    duals = {"lam_g0": guess.statistics["multipliers"]} if warm and len(guess.statistics["multipliers"]) == len(problem.goals) else {}
+    duals = {"lam_g0": guess.report.multipliers} if warm and len(guess.report.multipliers) == len(problem.goals) else {}
     found = solve(x0=first / problem.scale, lbx=low, ubx=high, lbg=-problem.band, ubg=problem.band, **duals)
     stats = solve.stats()
     del keep
@@ -350,15 +350,15 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
         progress.stop()
     p = np.clip(np.asarray(found["x"]).ravel() * problem.scale, problem.lower, problem.upper)
     status = _STATUS.get(stats["return_status"], PlanStatus.INFEASIBLE)
-    solved = perf_counter() - begin - built
-    return _finished(problem, identified, p, status, {
-        "solver": stats["return_status"],
-        "multipliers": np.asarray(found["lam_g"]).ravel().tolist(),
-        "iterations": int(stats["iter_count"]),
-        "build_time": built,
-        "solve_time": solved,
-        "wall_time": perf_counter() - begin,
-    })  # fmt: skip
+    report = PlanReport(
+        solver=stats["return_status"],
+        multipliers=tuple(np.asarray(found["lam_g"]).ravel().tolist()),
+        iterations=int(stats["iter_count"]),
+        build_time=built,
+        solve_time=perf_counter() - begin - built,
+        wall_time=perf_counter() - begin,
+    )
+    return _finished(problem, identified, p, status, report)
 
 
 def _problem(task, model):
@@ -385,7 +385,7 @@ class _TaskKey:
         return hash(self.text)
 
 
-def _finished(problem, identified, p, status, statistics):
+def _finished(problem, identified, p, status, report):
     """The plan of the vector `p`: simulated once more with a fine step, and every goal checked on that."""
     task, model = problem.task, problem.model
     begins, schedule = problem.schedule(p)
@@ -396,32 +396,35 @@ def _finished(problem, identified, p, status, statistics):
     motion = model.simulate_levels(levels, np.diff(time))
     ends = np.cumsum([len(piece) for piece in pieces])
     values = model.output_slopes(motion.strains[ends], task.convention.pole)[0]
-    goals = []
-    for phase, goal in problem.goals:
-        value = float(values[phase, OUTPUTS.index(goal.quantity)])
-        goals.append(
-            {"phase": task.phases[phase].name, "quantity": goal.quantity, "goal": goal.value, "value": value, "tolerance": goal.tolerance}
+    goals = tuple(
+        GoalReport(
+            phase=task.phases[phase].name,
+            quantity=goal.quantity,
+            goal=goal.value,
+            value=float(values[phase, OUTPUTS.index(goal.quantity)]),
+            tolerance=goal.tolerance,
         )
-    worst = max(goals, key=lambda item: abs(item["value"] - item["goal"]) / item["tolerance"], default=None)
-    met = worst is None or abs(worst["value"] - worst["goal"]) <= worst["tolerance"]
-    if status is PlanStatus.SOLVED and not met:
+        for phase, goal in problem.goals
+    )
+    report = replace(
+        report,
+        numbers=dict(zip(problem.names, p.tolist(), strict=True)),
+        goals=goals,
+        headroom=float(1 - levels.max()),
+        extrapolates=identified.validity.outside(model.arm, motion.strains, levels),
+    )
+    worst = report.worst
+    if status is PlanStatus.SOLVED and worst is not None and worst.share > 1:
         status = PlanStatus.INFEASIBLE
-    statistics |= {
-        "numbers": dict(zip(problem.names, p.tolist(), strict=True)),
-        "goals": goals,
-        "headroom": float(1 - levels.max()),
-        "extrapolates": list(identified.validity.outside(model.arm, motion.strains, levels)),
-        "reduced_model": {"laws": model.laws, "sections": model.sections, "parameters": asdict(model.parameters)},
-    }
     if status is not PlanStatus.SOLVED and worst is not None:
-        statistics["reason"] = (
-            f"phase '{worst['phase']}' ends with {worst['quantity'].replace('_', ' ')} {worst['value']:.3f}, "
-            f"the goal is {worst['goal']:g} +- {worst['tolerance']:g}"
+        reason = (
+            f"phase '{worst.phase}' ends with {worst.quantity.replace('_', ' ')} {worst.value:.3f}, "
+            f"the goal is {worst.goal:g} +- {worst.tolerance:g}"
         )
+        report = replace(report, reason=reason)
     return Plan(
-        task=task, arm=model.arm, scene=model.scene, schedule=schedule, phase_begins=begins, time=motion.time, strains=motion.strains,
-        trace=model.trace(motion.time, motion.strains, task.convention), status=status,
-        plant=identified.plant, statistics=statistics,
+        task=task, model=model, schedule=schedule, phase_begins=begins, time=motion.time, strains=motion.strains,
+        trace=model.trace(motion.time, motion.strains, task.convention), status=status, plant=identified.plant, report=report,
     )  # fmt: skip
 
 
@@ -434,7 +437,7 @@ def _nothing(task, model, reason, wall_time):
     primitives = tuple(drive.at(begins, {}) for drive in task.drives)
     time, zeros = np.array([0.0, now]), np.zeros(2)
     return Plan(
-        task=task, arm=model.arm, scene=model.scene, schedule=Schedule(primitives=primitives, duration=now), phase_begins=begins, time=time,
+        task=task, model=model, schedule=Schedule(primitives=primitives, duration=now), phase_begins=begins, time=time,
         strains=np.stack([model.rest, model.rest]), trace=TopologyTrace.from_lifted(time=time, lifted_writhe=zeros, twist=zeros,
-        convention=task.convention), status=PlanStatus.UNREACHABLE, statistics={"reason": reason, "wall_time": wall_time},
+        convention=task.convention), status=PlanStatus.UNREACHABLE, report=PlanReport(reason=reason, wall_time=wall_time),
     )  # fmt: skip
