@@ -77,6 +77,24 @@ def check_number(
         raise OctoctrlError(f"{name}={found:g}{space} is outside {allowed}{f'; {advice}' if advice else ''}")
 
 
+def check_count(name: str, value: object, *, at_least: int = 1, at_most: int | None = None, advice: str = "") -> int:
+    """Check a whole number against its allowed range.
+
+    Raises
+    ------
+    OctoctrlError
+        If `value` is not a whole number inside the range.
+
+    Returns
+    -------
+    int
+    """
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise OctoctrlError(f"{name}: expected a whole number, found {_describe(value)}")
+    check_number(name, value, at_least=at_least, at_most=at_most, advice=advice)
+    return int(value)
+
+
 def suggest(word: object, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest known word, or an empty string."""
     lowered = {name.lower(): name for name in known}

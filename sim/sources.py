@@ -1,12 +1,144 @@
-"""Sources of activation that are not composed of templates: what a plant asks for levels."""
+"""Sources of activation that are not composed of templates, and the one entrance by which levels reach a plant.
 
+A source answers ``levels(times, edges)`` for any partition of the arm, for a plant may have several: the muscles along the arm and the
+helices around it have cells of their own. `sampled` asks once for each partition and lets nothing through that the compiled code could
+not read: every plant takes its levels from there.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .activation import raised_cosine
 from .body.arm import MUSCLE_GROUPS
-from .errors import check_number
+from .contracts import ActivationSource, Floats
+from .errors import OctoctrlError, check_number, suggest
+
+ROUNDING = 1e-12
+"""By how much sums of levels may exceed 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Held:
+    """Levels that stay as they are.
+
+    Attributes
+    ----------
+    held : (11,) or (11, n) float64
+        One level for each of `MUSCLE_GROUPS`, or one for each and every cell.
+    edges : (n + 1,) float64, m
+        Of those cells; cells of another partition get the mean of what they cover.
+
+    Raises
+    ------
+    OctoctrlError
+        If the shapes do not fit, or a level is not in [0, 1].
+    """
+
+    held: Floats
+    edges: Floats | None = None
+
+    def __post_init__(self) -> None:
+        held = _as_levels("levels", self.held)
+        if held.shape == (len(MUSCLE_GROUPS), 1):
+            held = held[:, 0]
+        cells = None if self.edges is None else len(self.edges) - 1
+        if held.shape not in ((len(MUSCLE_GROUPS),), (len(MUSCLE_GROUPS), cells)):
+            wanted = "(11,)" if cells is None else f"(11,) or (11, {cells})"
+            without = "; levels by cell also need the edges of the cells" if cells is None and held.ndim == 2 else ""
+            raise OctoctrlError(f"levels of shape {held.shape} are held; {wanted} is needed{without}")
+        _check_range(held, "held")
+        object.__setattr__(self, "held", held)
+
+    @classmethod
+    def of(cls, answer: ArrayLike | Mapping[str, float | ArrayLike], edges: Floats, who: str = "levels") -> "Held":
+        """Make one from what a person or a controller gives.
+
+        Parameters
+        ----------
+        answer : (11,), (11, 1) or (11, n) array_like, or dict of str to float or (n,) array_like
+            Of a dict, groups that are not named are not active.
+        edges : (n + 1,) float64, m
+            Cells that n counts.
+        who : str
+            Who gave it, for the message.
+
+        Returns
+        -------
+        Held
+
+        Raises
+        ------
+        OctoctrlError
+            If it is none of these, names a group that is unknown, or a level is not in [0, 1].
+        """
+        count, cells = len(MUSCLE_GROUPS), len(edges) - 1
+        if isinstance(answer, Mapping):
+            levels = np.zeros((count, cells))
+            for group, level in answer.items():
+                if group not in MUSCLE_GROUPS:
+                    listed = ", ".join(MUSCLE_GROUPS)
+                    raise OctoctrlError(f"{who}: there is no muscle group '{group}'{suggest(str(group), MUSCLE_GROUPS)} ({listed})")
+                one = _as_levels(f"{who}: {group}", level)
+                if one.shape not in ((), (1,), (cells,)):
+                    raise OctoctrlError(f"{who}: {group} has shape {one.shape}; one level or {cells}, one for each cell, are needed")
+                levels[MUSCLE_GROUPS.index(group)] = one
+        else:
+            levels = _as_levels(who, answer)
+            if levels.shape not in ((count,), (count, 1), (count, cells)):
+                raise OctoctrlError(
+                    f"{who}: shape {levels.shape}; (11,), (11, n) or a dict of group to level is needed, n = {cells} cells of the arm"
+                )
+        _check_range(levels, who)
+        return cls(held=levels, edges=edges)
+
+    def levels(self, times: Floats, edges: Floats) -> Floats:
+        """Levels (T, 11, m) at `times`, s, in the m cells between `edges`, m."""
+        held = self.held
+        if held.ndim == 1:
+            held = np.broadcast_to(held[:, None], (len(held), len(edges) - 1))
+        elif self.edges is not None and not np.array_equal(self.edges, edges):
+            held = np.clip(held @ _overlap(self.edges, np.asarray(edges, dtype=float)), 0.0, 1.0)
+        return np.repeat(held[None], len(times), axis=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corrected:
+    """An activation on a clock of its own, plus a correction of some groups that is linear in time over one period.
+
+    Attributes
+    ----------
+    activation : ActivationSource
+    begin : float, s
+        Time of the plant at which the period begins.
+    period : float, s
+    clock : (float, float), s
+        Readings of the activation's clock at the begin and at the end of the period; equal while a phase waits.
+    groups : tuple of str
+        Which are corrected, of `MUSCLE_GROUPS`.
+    before, after : (groups,) float64
+        Corrections at the begin and at the end; what they lead to is kept within [0, 1].
+    """
+
+    activation: ActivationSource
+    begin: float
+    period: float
+    clock: tuple[float, float]
+    groups: tuple[str, ...] = ()
+    before: Floats | float = 0.0
+    after: Floats | float = 0.0
+
+    def levels(self, times: Floats, edges: Floats) -> Floats:
+        """Levels (T, 11, n) at the plant's `times`, s, in the n cells between `edges`, m."""
+        share = (times - self.begin) / self.period
+        levels = self.activation.levels(self.clock[0] + share * (self.clock[1] - self.clock[0]), edges)
+        if self.groups:
+            correction = self.before + np.clip(share, 0.0, 1.0)[:, None] * (np.asarray(self.after) - self.before)
+            levels[:, [MUSCLE_GROUPS.index(group) for group in self.groups]] += correction[:, :, None]
+            np.clip(levels, 0.0, 1.0, out=levels)
+        return levels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,13 +161,77 @@ class Strike:
     rise: float = 0.038
     steepness: float = 15.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_number("rise", self.rise, above=0.0, unit="s")
         check_number("steepness", self.steepness, above=0.0)
 
-    def levels(self, times, edges):
+    def levels(self, times: Floats, edges: Floats) -> Floats:
         """Levels (T, groups, n) of the muscle groups at `times`, s, in the cells between `edges`, m."""
         levels = np.zeros((len(times), len(MUSCLE_GROUPS), len(edges) - 1))
         ramp = raised_cosine(np, np.asarray(times, dtype=float), 0.0, self.rise)
         levels[:, MUSCLE_GROUPS.index("TM")] = ramp[:, None] ** self.steepness
         return levels
+
+
+def sampled(source: ActivationSource, times: Floats, partitions: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Levels of a source at the samples, as compiled code may read them.
+
+    Parameters
+    ----------
+    source : ActivationSource
+    times : (T,) float64, s
+    partitions : mapping of str to (n + 1,) float64, m
+        Edges of the cells of each partition of the arm.
+
+    Returns
+    -------
+    dict of str to (T, 11, n) float64
+        Contiguous in memory.
+
+    Raises
+    ------
+    OctoctrlError
+        If the source has no levels, or they are no numbers, have another shape than asked for, or leave [0, 1].
+    """
+    ask = getattr(source, "levels", None)
+    if not callable(ask):
+        raise OctoctrlError(
+            f"the activation is {type(source).__name__}, which has no levels(times, edges); "
+            "give an Activation, or levels that are held to Plant.step"
+        )
+    found = {}
+    for name, edges in partitions.items():
+        levels = _as_levels(f"activation levels of {type(source).__name__}", ask(times, edges))
+        wanted = len(times), len(MUSCLE_GROUPS), len(edges) - 1
+        if levels.shape != wanted:
+            raise OctoctrlError(
+                f"{type(source).__name__}.levels gave shape {levels.shape} for {wanted[0]} instants, {wanted[1]} groups and the "
+                f"{wanted[2]} cells of the partition '{name}'; {wanted} is needed"
+            )
+        _check_range(levels, f"near t={times[0]:.2f} s")
+        found[name] = np.ascontiguousarray(levels)
+    return found
+
+
+def _as_levels(what: str, values: ArrayLike) -> Floats:
+    try:
+        found = np.asarray(values)
+    except ValueError:  # rows of several lengths
+        found = np.empty(0, dtype=object)
+    if found.dtype.kind not in "biuf":
+        raise OctoctrlError(f"{what}: found {type(values).__name__} {str(values)[:60]}; numbers from 0 to 1 are needed")
+    return found.astype(float, copy=False)
+
+
+def _check_range(levels: Floats, where: str) -> None:
+    # A comparison with a value that is not a number is false.
+    if not (levels.min(initial=0.0) >= 0 and levels.max(initial=0.0) <= 1 + ROUNDING):
+        raise OctoctrlError(f"activation levels span {levels.min():g}…{levels.max():g} {where}; allowed is 0…1")
+
+
+def _overlap(edges: Floats, others: Floats) -> Floats:
+    """Share (n, m) of each cell between `others` that each cell between `edges` covers; the end cells reach on as far as needed."""
+    lower, upper = edges[:-1].copy(), edges[1:].copy()
+    lower[0], upper[-1] = -np.inf, np.inf
+    inside = np.minimum(upper[:, None], others[1:]) - np.maximum(lower[:, None], others[:-1])
+    return np.maximum(inside, 0.0) / np.diff(others)

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = {"octoctrl": "octoctrl", "octoctrl.sim": "sim", "octoctrl.planners": "planners"}
 MODULES = sorted(path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py") if not path.parent.is_symlink())
 
-SIM_GROUND = {"errors", "compiler", "rotations"}
+SIM_GROUND = {"errors", "compiler", "rotations", "contracts"}
 VOCABULARY = {"errors", "body", "scene", "activation", "topology", "running.recording"}
 """What the planners know of `sim`: never a plant, never a kernel."""
 ROOMS = {
@@ -23,6 +23,7 @@ ROOMS = {
         "errors": set(),
         "compiler": set(),
         "rotations": set(),
+        "contracts": set(),
         "body": SIM_GROUND,
         "scene": SIM_GROUND,
         "topology": SIM_GROUND,

@@ -11,11 +11,12 @@ import numpy as np
 
 from ..body.anatomy import PLAIN
 from ..body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
-from ..errors import OctoctrlError, PlantUnstableError, check_number
+from ..errors import OctoctrlError, PlantUnstableError, check_count, check_number
 from ..rod.elastic import FINDINGS as ROD_FINDINGS
 from ..rod.plant import BUILDING, Observation, Plant
 from ..running.clock import StepLimit
 from ..scene.scene import Scene
+from ..sources import sampled
 from .buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .constants import thin_ring_limit
 from .diagnosis import cause
@@ -91,6 +92,7 @@ class AssemblyPlant(Plant):
         self.arm = Arm.octopus() if arm is None else arm
         self.scene = Scene() if scene is None else scene
         check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
+        record_every = check_count("record_every", record_every)
         anatomy = self.arm.anatomy
         if resting_tone is None:
             resting_tone = anatomy.published_tone if paper_compatible else anatomy.resting_tone
@@ -190,9 +192,9 @@ class AssemblyPlant(Plant):
 
     def _levels(self, activation, samples):
         times = (self.samples + np.arange(samples + 1)) * self.sample_interval
-        inner = np.asarray(activation.levels(times, self.geometry.oblique_edges), dtype=float)
-        self._oblique_levels = np.ascontiguousarray(inner[:, 8:10])
-        return super()._levels(activation, samples)
+        levels = sampled(activation, times, {"arm": self.edges, "oblique": self.geometry.oblique_edges})
+        self._oblique_levels = np.ascontiguousarray(levels["oblique"][:, 8:10])
+        return levels["arm"]
 
     def _advance_samples(self, levels):
         n, samples, rods = self.elements, len(levels) - 1, self.rods

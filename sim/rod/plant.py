@@ -13,11 +13,12 @@ import numpy as np
 
 from ..body.anatomy import OCTOPUS
 from ..body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, azimuth
-from ..errors import OctoctrlError, PlantUnstableError, check_choice, check_number
+from ..errors import OctoctrlError, PlantUnstableError, check_choice, check_count, check_number
 from ..rotations import rotation_matrix, rotation_vector
 from ..running.clock import StepLimit, choose_step
 from ..running.recording import Recording
 from ..scene.scene import Scene
+from ..sources import sampled
 from .diagnosis import ALTERNATING, TRAIL, Stop, alternation, substeps
 from .elastic import node_masses, set_damping, set_joints, set_state
 from .layout import STATE_ROWS, Row, new_buffer, stride_for
@@ -117,6 +118,7 @@ class Plant:
             raise OctoctrlError(f"arm '{self.arm.name}' is not built as an octopus arm, as the one-rod plant is; use AssemblyPlant")
         self.model = model
         check_number("sample_interval", sample_interval, at_least=1e-4, at_most=0.1, unit="s")
+        record_every = check_count("record_every", record_every)
         self.sample_interval = sample_interval
         self.record_every = record_every
         self.elements = self.arm.elements
@@ -304,11 +306,7 @@ class Plant:
 
     def _levels(self, activation, samples):
         times = (self.samples + np.arange(samples + 1)) * self.sample_interval
-        levels = np.asarray(activation.levels(times, self.edges), dtype=float)
-        # A comparison with a value that is not a number is false.
-        if not (levels.min(initial=0.0) >= 0 and levels.max(initial=0.0) <= 1 + 1e-12):
-            raise OctoctrlError(f"activation levels span {levels.min():g}…{levels.max():g} near t={times[0]:.2f} s; allowed is 0…1")
-        return levels
+        return sampled(activation, times, {"arm": self.edges})["arm"]
 
     @staticmethod
     def _active(levels):
