@@ -8,6 +8,7 @@ global lock, so that threads can simulate side by side.
 
 import hashlib
 import logging
+import pickle
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 _log = logging.getLogger(__name__)
 
@@ -61,6 +62,16 @@ def _say_that_nothing_is_kept() -> None:
     _log.warning("compiled code is not kept between runs, for no folder of its own can be written; set NUMBA_CACHE_DIR to one that can")
 
 
+class _Index(IndexDataCacheFile):
+    """Index of the code on disk; one that names types which have moved since it was written is as good as none."""
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            return super()._load_index()
+        except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
+            return {}
+
+
 class _Cache(FunctionCache):
     """Code on disk, found again by what a function is made of.
 
@@ -70,6 +81,8 @@ class _Cache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any], settings: dict[str, Any]) -> None:
         super().__init__(function)
+        place = self._impl
+        self._cache_file = _Index(self._cache_path, place.filename_base, place.locator.get_source_stamp())
         self._settings = repr(sorted((name, sorted(value) if isinstance(value, set) else value) for name, value in settings.items()))
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:

@@ -1,6 +1,7 @@
 """Compiled code is found again by the next process, and not when anything that it is made of has changed."""
 
 import os
+import pickle
 import subprocess
 import sys
 
@@ -93,6 +94,18 @@ LINES
 print(*(adder(float(word))(1.0) for word in sys.argv[1:]))
 """.replace("LINES", "\n".join(f"        x = x + y * shift / (x + {number} + y)" for number in range(2, 302)))
 """Two variants of a function that is too long to be merged into what calls it."""
+
+
+@pytest.mark.parametrize("rest", [b"cno_such_module\nNoSuchType\n.", b"coctoctrl.sim.errors\nNoSuchType\n.", b""])
+def test_an_index_that_can_no_longer_be_read_is_made_anew(tmp_path, rest):
+    """Types that compiled code takes move between versions of the package, and the disk keeps what the older one wrote."""
+    first = start(tmp_path)
+    for path in (tmp_path / "cache").rglob("*.nbi"):
+        with open(path, "rb") as file:
+            version = pickle.load(file)
+        path.write_bytes(pickle.dumps(version) + rest)
+    assert start(tmp_path) == first == (15.0, 0, 1)
+    assert start(tmp_path) == (15.0, 1, 0)
 
 
 def test_variants_compiled_by_different_processes_do_not_take_each_others_place(tmp_path):
