@@ -56,19 +56,33 @@ def plot(execution, path=None, *, overwrite=False, overlap=False, snapshots=6):
     figure = Figure(figsize=(8.6, 9.0), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(5, 1, height_ratios=(2.7, 1, 1, 1, 0.34 * max(drives, 2)))
-    _draw_snapshots(panels[0], execution, _snapshot_times(execution, snapshots))
-    _draw_traces(panels[1:4], comparison)
-    _draw_activations(panels[4], execution)
-    for axes in panels[1:]:
-        _mark_phases(axes, execution, names=axes is panels[1])
-        axes.set_xlim(0.0, comparison.time[-1])
-        axes.tick_params(labelsize=8, labelbottom=axes is panels[4])
-        axes.spines[["top", "right"]].set_visible(False)
-    panels[4].set_xlabel("time [s]", fontsize=9)
+    draw_snapshots(panels[0], execution, snapshots)
+    draw_panels(panels[1:], execution, comparison)
     figure.align_ylabels(panels[1:4])
     if path is not None:
         figure.savefig(path, dpi=160)
     return figure
+
+
+def draw_panels(panels, execution, comparison):
+    """Draw link, writhe, twist and activations into four panels (axes) with one time axis, and mark the phases.
+
+    Parameters
+    ----------
+    panels : sequence of matplotlib.axes.Axes
+        Four, from top to bottom.
+    execution : Execution
+    comparison : Comparison
+        Of the execution.
+    """
+    _draw_traces(panels[:3], comparison)
+    _draw_activations(panels[3], execution)
+    for axes in panels:
+        _mark_phases(axes, execution, names=axes is panels[0])
+        axes.set_xlim(0.0, comparison.time[-1])
+        axes.tick_params(labelsize=8, labelbottom=axes is panels[3])
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[3].set_xlabel("time [s]", fontsize=9)
 
 
 def _draw_traces(panels, comparison):
@@ -151,8 +165,12 @@ def _snapshot_times(execution, count):
     return times[::-1][:count][::-1]
 
 
-def _draw_snapshots(axes, execution, instants):
-    """The arms side by side in one scale, seen obliquely along the pole; lines along LM3 (orange) and LM7 (white) show the twist."""
+def draw_snapshots(axes, execution, count):
+    """Draw the last `count` ends of phases side by side in one scale, seen obliquely along the pole, into `axes`.
+
+    Lines along LM3 (orange) and LM7 (white) show the twist; the planned centreline of the `execution` is dashed.
+    """
+    instants = _snapshot_times(execution, count)
     recording, arm = execution.recording, execution.plan.arm
     camera = _camera(execution.plan.task.convention.pole)
     planned = planned_points(execution.plan, np.array([time for time, _ in instants]))
