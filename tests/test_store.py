@@ -5,7 +5,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass, fields, is_dataclass, replace
-from enum import Enum
+from enum import Enum, IntEnum, StrEnum
 from math import inf, nan
 
 import numpy as np
@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from octoctrl import tasks
-from octoctrl.carrying.results import ExecutionStatus
+from octoctrl.carrying.results import ExecutionStatus, VerdictStatus
 from octoctrl.files import store
 from octoctrl.judging.verification import verify
 from octoctrl.sim.errors import OctoctrlError
@@ -100,8 +100,24 @@ class Nod:
     level: float = 0.3
 
 
+@store.register
+class Colour(StrEnum):
+    RED = "red"
+
+
+@store.register
+class Order(IntEnum):
+    FIRST = 1
+
+
 class Unknown(Enum):
     A = 1
+
+
+@pytest.mark.parametrize("member", [Colour.RED, Order.FIRST, VerdictStatus.FAIL, ExecutionStatus.FINISHED])
+def test_members_of_enums_that_are_text_or_numbers_come_back_as_members(tmp_path, coil_run, member):
+    back = store.load(store.save(tmp_path / "r.npz", replace(coil_run, statistics={"value": member})))
+    assert back.statistics["value"] is member
 
 
 def test_classes_of_the_user(tmp_path, coil_plan, coil_run):

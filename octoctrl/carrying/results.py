@@ -1,10 +1,11 @@
 """What running a plan gives: an execution, and the verdict on it."""
 
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, StrEnum
 from math import isfinite
 
 from octoctrl.planners.solving.plan import Plan
+from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.topology.trace import TopologyTrace
 
@@ -17,6 +18,13 @@ class ExecutionStatus(Enum):
     FINISHED = "Finished: all phases were carried out; verify it."
     INTERRUPTED = "Interrupted: the recording holds everything up to the last chunk; run again to finish."
     UNSTABLE = "Unstable: the plant diverged; the recording holds the motion up to the last good state, the note says where and why."
+
+
+class VerdictStatus(StrEnum):
+    """What a verdict comes to."""
+
+    PASS = "pass"
+    FAIL = "fail"
 
 
 class VerificationFailedError(RuntimeError):
@@ -71,16 +79,28 @@ class Execution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One line of a verdict: a measured value against its limit."""
+    """One line of a verdict: a measured value against its limit.
+
+    Attributes
+    ----------
+    name : str
+    value, limit : float
+        In `unit`; a value that is not a number passes no limit.
+    unit : str
+    """
 
     name: str
     value: float
     limit: float
-    passed: bool
     unit: str = ""
 
     @property
-    def margin(self):
+    def passed(self) -> bool:
+        """Whether the value is at most the limit."""
+        return bool(self.value <= self.limit)
+
+    @property
+    def margin(self) -> float:
         """Distance to the limit in the value's unit; negative when the check failed."""
         return self.limit - self.value
 
@@ -92,24 +112,29 @@ class Verdict:
     Attributes
     ----------
     checks : tuple of Check
+        At least one: what was not measured is not passed.
     """
 
     checks: tuple[Check, ...]
 
-    def __str__(self):
+    def __post_init__(self) -> None:
+        if not self.checks:
+            raise OctoctrlError("a verdict without checks says nothing; give at least one")
+
+    def __str__(self) -> str:
         return verdict_text(self)
 
     @property
-    def passed(self):
+    def passed(self) -> bool:
         """Whether every check passed."""
         return all(check.passed for check in self.checks)
 
     @property
-    def status(self):
-        """``"pass"`` or ``"fail"``."""
-        return "pass" if self.passed else "fail"
+    def status(self) -> VerdictStatus:
+        """Pass or fail, as a word."""
+        return VerdictStatus.PASS if self.passed else VerdictStatus.FAIL
 
-    def raise_if_failed(self):
+    def raise_if_failed(self) -> "Verdict":
         """Return the verdict if it passed.
 
         Raises

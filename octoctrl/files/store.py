@@ -37,7 +37,7 @@ _HOMES = {
     "octoctrl.planners.model.parameters": ("ReducedParameters",),
     "octoctrl.planners.model.reduced": ("ReducedModel", "ReducedMotion"),
     "octoctrl.planners.solving.plan": ("GoalReport", "Plan", "PlanReport", "PlanStatus"),
-    "octoctrl.carrying.results": ("Check", "Event", "Execution", "ExecutionStatus", "Verdict"),
+    "octoctrl.carrying.results": ("Check", "Event", "Execution", "ExecutionStatus", "Verdict", "VerdictStatus"),
     "octoctrl.files.configuration": ("Configuration", "PlanSettings", "RunSettings"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
@@ -262,7 +262,10 @@ def _class(name):
 def _encode(item, arrays, place):
     """Turn an object into a JSON tree; arrays go to `arrays`, by place."""
     name = type(item).__name__
-    if item is None or isinstance(item, bool | str):
+    known = (name in _HOME_OF or name in _REGISTERED) and type(item) is _class(name)
+    if known and isinstance(item, Enum):  # before anything that its members may be as well: text, a number
+        return {"enum": name, "name": item.name}
+    if item is None or isinstance(item, bool) or (isinstance(item, str) and not isinstance(item, Enum)):
         return item
     if isinstance(item, np.ndarray) and item.dtype != object:
         arrays[place] = item
@@ -279,10 +282,7 @@ def _encode(item, arrays, place):
         return {"tuple": [_encode(inner, arrays, f"{place}[{index}]") for index, inner in enumerate(item)]}
     if isinstance(item, dict):
         return {"dict": [[_encode(key, arrays, place), _encode(inner, arrays, f"{place}.{key}")] for key, inner in item.items()]}
-    known = name in _HOME_OF or name in _REGISTERED
-    if known and isinstance(item, Enum) and type(item) is _class(name):
-        return {"enum": name, "name": item.name}
-    if known and is_dataclass(item) and type(item) is _class(name):
+    if known and is_dataclass(item):
         return {
             "type": name,
             "fields": {entry.name: _encode(getattr(item, entry.name), arrays, f"{place}.{entry.name}") for entry in fields(item)},

@@ -3,18 +3,21 @@
 Nothing here is predicted: every value is measured on the plant's recording, by the formula that also made the planned trace.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from math import inf
 
 import numpy as np
 
-from ..carrying.results import Check, Verdict
+from octoctrl.sim.errors import check_number
+
+from ..carrying.results import Check, Execution, ExecutionStatus, Verdict
 from .comparison import level_delays, planned_points, rms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of a verdict; the tolerances of the goals are the task's.
+    """Limits of a verdict, each a number from 0 on; the tolerances of the goals are the task's.
 
     Attributes
     ----------
@@ -43,8 +46,12 @@ class Limits:
     activation: float = 1.0
     tip_rms: float = 0.08
 
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            check_number(f"limit {item.name}", getattr(self, item.name), at_least=0.0)
 
-def verify(execution, *, limits=None, strict=False):
+
+def verify(execution: Execution, *, limits: Limits | None = None, strict: bool = False) -> Verdict:
     """Check an execution against its plan and its task.
 
     Parameters
@@ -57,7 +64,7 @@ def verify(execution, *, limits=None, strict=False):
     Returns
     -------
     Verdict
-        Goals first, then errors of the traces, then health of the simulation.
+        That the run came to its end, then the goals, the errors of the traces, and the health of the simulation.
 
     Raises
     ------
@@ -72,6 +79,7 @@ def verify(execution, *, limits=None, strict=False):
     unfinished = len(execution.plan.task.phases) - len(execution.events)
     checks = [
         _check("unfinished_phases", unfinished, 0),
+        _check("unstable", execution.status is ExecutionStatus.UNSTABLE, 0),
         *_goal_checks(execution),
         _check("writhe_rms", rms(writhe), limits.writhe_rms, "turns"),
         _check("writhe_max", np.abs(writhe).max(), limits.writhe_max, "turns"),
@@ -89,7 +97,7 @@ def verify(execution, *, limits=None, strict=False):
     return verdict.raise_if_failed() if strict else verdict
 
 
-def _goal_checks(execution):
+def _goal_checks(execution: Execution) -> Iterator[Check]:
     ends = {event.phase: event.actual for event in execution.events}
     lengths = execution.recording.length
     for phase in execution.plan.task.phases:
@@ -103,5 +111,5 @@ def _goal_checks(execution):
             yield _check(name, abs(value - goal.value), goal.tolerance, unit)
 
 
-def _check(name, value, limit, unit=""):
-    return Check(name=name, value=float(value), limit=float(limit), passed=bool(value <= limit), unit=unit)
+def _check(name: str, value: float, limit: float, unit: str = "") -> Check:
+    return Check(name=name, value=float(value), limit=float(limit), unit=unit)
