@@ -104,8 +104,59 @@ def test_files_are_refused_for_what_they_hold(files, capsys):
 
 
 def test_debug_shows_the_traceback(capsys):
-    with pytest.raises(ValueError, match="unknown task"):
-        main(["tasks", "coli", "--debug"])
+    assert main(["tasks", "coli", "--debug"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("Traceback") and err.splitlines()[-1].startswith("octoctrl: unknown task 'coli'")
+
+
+def test_a_fault_of_ours_has_a_code_of_its_own(capsys, monkeypatch):
+    monkeypatch.setattr(tasks, "descriptions", lambda: {}["gone\naway"])
+    assert main(["tasks"]) == 70
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == ("octoctrl: a fault of octoctrl, KeyError: 'gone\\naway'; the same command with --debug shows where, please report it")
+    assert main(["--debug", "tasks"]) == 70
+    assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("place", "code", "said"), [("/dev/full", 2, "the output cannot be read or written: No space left on device"), (None, 0, "")]
+)
+def test_output_that_nobody_takes(place, code, said):
+    """A full disk is said in one sentence; a reader that has seen enough is no fault."""
+    command = [sys.executable, "-m", "octoctrl", "tasks", "coil", "--show"]
+    if place is None:
+        read, write = os.pipe()
+        os.close(read)
+    else:
+        write = os.open(place, os.O_WRONLY)
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True)
+    os.close(write)
+    assert done.returncode == code and done.stderr == (f"octoctrl: {said}\n" if said else "")
+
+
+def test_every_command_stands_in_a_family_and_says_what_it_does(capsys):
+    from octoctrl.cli.application import FAMILIES
+
+    names = [command.__name__ for commands in FAMILIES.values() for command in commands]
+    assert len(names) == len(set(names)) == 11
+    assert main(["--help"]) == 0
+    out = capsys.readouterr().out
+    assert all(family in out for family in FAMILIES) and all(f" {name} " in out for name in names)
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("octoctrl plan c", {"coil"}),
+        ("octoctrl run plan.npz --plant a", {"assembly", "assembly-coarse"}),
+        ("octoctrl bench st", {"steps", "startup", "stability"}),
+    ],
+    ids=["task", "plant", "part"],
+)
+def test_a_shell_completes_tasks_plants_and_parts(words, offered):
+    environment = os.environ | {"_OCTOCTRL_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
+    done = subprocess.run([sys.executable, "-m", "octoctrl"], env=environment, capture_output=True, text=True)
+    assert offered <= set(done.stdout.split()), done.stderr
 
 
 def test_texts_are_worth_reading(coil_plan, coil_run):
@@ -116,7 +167,9 @@ def test_texts_are_worth_reading(coil_plan, coil_run):
 
 def test_termination_is_treated_as_interrupt(tmp_path):
     program = "import time\nfrom octoctrl.cli import application as cli\n"
-    program += "cli.registry.descriptions = lambda: (print('up', flush=True), time.sleep(30))\nraise SystemExit(cli.main(['tasks']))"
+    program += (
+        "cli.planning.registry.descriptions = lambda: (print('up', flush=True), time.sleep(30))\nraise SystemExit(cli.main(['tasks']))"
+    )
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "up\n"
         os.kill(process.pid, signal.SIGTERM)

@@ -64,8 +64,10 @@ def interpreter(folder):
     """Python of an environment of its own that sees the packages of this one, and not its octoctrl."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     (packages,) = folder.glob("lib/python*/site-packages")
-    places = [place for place in sys.path if place and Path(place).resolve() not in (ROOT, ROOT / "tests")]
-    (packages / "zz_shared.pth").write_text("\n".join(places))
+    for place in map(Path, sys.path):
+        for item in place.iterdir() if place.name == "site-packages" else ():
+            if not item.name.startswith(("octoctrl", "__editable__")) and not (packages / item.name).exists():
+                (packages / item.name).symlink_to(item)
     return folder / "bin" / "python", packages
 
 

@@ -112,7 +112,7 @@ COMMANDS = [
     (["run", "coil.npz", "-o", "run.npz", "--feedback", "mpc"], "unknown feedback 'mpc' (tvlqr, open-loop)"),
     (["run", "coil.npz", "-o", "run.npz", "--open-loop", "--feedback", "tvlqr"], "--open-loop and --feedback tvlqr contradict each other; give one of them"),
     (["verify", "there.npz"], "there.npz is not a file of octoctrl, or is damaged"),
-    (["verify", "new.npz"], "file has schema 3, this octoctrl reads 2: pip install -U octoctrl"),
+    (["verify", "new.npz"], "new.npz has schema 3, this octoctrl reads 2: pip install -U octoctrl"),
     (["compare", "cut.npz"], "planned trace covers 0–3.0 s, simulated 0–1.2 s (run stopped early: unstable); comparing 0–1.2 s needs overlap=True"),  # noqa: RUF001
     (["compare", "coil.npz", "--plot", "a.bmp"], "coil.npz holds a plan, not a run; make one with: octoctrl run"),
     (["compare", "cut.npz", "--overlap", "--plot", "a.bmp"], "unknown format '.bmp'; use .png or .pdf or .svg"),

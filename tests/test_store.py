@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from octoctrl import tasks
 from octoctrl.carrying.results import ExecutionStatus, VerdictStatus
-from octoctrl.files import store
+from octoctrl.files import store, writing
 from octoctrl.judging.verification import verify
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.topology.trace import TopologyConvention
@@ -156,7 +156,7 @@ import sys
 sys.path.insert(0, {tests!r})
 from dataclasses import replace
 import conftest
-from octoctrl.files import store
+from octoctrl.files import store, writing
 run = store.load({source!r})
 writer = store.RunWriter({target!r}, period=0.0)
 count = 0
@@ -186,3 +186,124 @@ def test_kill_9_leaves_a_readable_file(tmp_path, coil_run, delay):
 def test_interrupted_execution_is_stored_as_such(tmp_path, coil_plan):
     cut = coil_execution(coil_plan, until=1.2, status=ExecutionStatus.INTERRUPTED)
     assert store.load(store.save(tmp_path / "run.npz", cut)).status is ExecutionStatus.INTERRUPTED
+
+
+# Files that are damaged, foreign or newer
+
+
+@pytest.fixture
+def stored(tmp_path, coil_plan):
+    return store.save(tmp_path / "plan.npz", coil_plan)
+
+
+def rewritten(path, change):
+    """The same file with another header."""
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    header = json.loads(arrays.pop("header").tobytes())
+    change(header)
+    np.savez(path, header=np.frombuffer(json.dumps(header).encode(), dtype=np.uint8), **arrays)
+    return path
+
+
+def test_damaged_files_are_called_so(stored):
+    whole = stored.read_bytes()
+    for content in (b"", b"PK", whole[: len(whole) // 2], whole[:200] + b"\0" * 400 + whole[600:], b"not an archive"):
+        stored.write_bytes(content)
+        with pytest.raises(OctoctrlError, match=r"plan\.npz (is not a file of octoctrl, or is damaged|is damaged: )"):
+            store.load(stored)
+
+
+@pytest.mark.parametrize("key", ["content", "versions", "argv", "origin", "object", "schema"])
+def test_a_header_without_its_keys_is_damaged(stored, key):
+    rewritten(stored, lambda header: header.pop(key))
+    for read in (store.load, store.read_header):
+        with pytest.raises(OctoctrlError, match="is not a file of octoctrl, or is damaged"):
+            read(stored)
+
+
+@pytest.mark.parametrize("schema", ["1", 1.0, None, True, [1]])
+def test_a_schema_that_is_no_number_is_damage(stored, schema):
+    rewritten(stored, lambda header: header.update(schema=schema))
+    with pytest.raises(OctoctrlError, match="is not a file of octoctrl, or is damaged"):
+        store.load(stored)
+
+
+@pytest.mark.parametrize(("written", "said"), [(None, "is damaged: "), ("9.9.9", "was written by octoctrl 9.9.9, which this one, ")])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda tree: tree["fields"].pop("task"),
+        lambda tree: tree["fields"].update(colour="blue"),
+        lambda tree: tree["fields"].update(time={"array": "nowhere"}),
+        lambda tree: tree["fields"]["status"].update(name="SOMEWHAT"),
+    ],
+    ids=["a field less", "a field more", "a missing array", "another status"],
+)
+def test_fields_that_do_not_fit_are_damage_or_another_version(stored, change, written, said):
+    def edit(header):
+        change(header["object"])
+        header["versions"]["octoctrl"] = written or header["versions"]["octoctrl"]
+
+    from octoctrl import __version__
+
+    rewritten(stored, lambda header: header["versions"].update(octoctrl=__version__))
+    with pytest.raises(OctoctrlError, match=f"plan.npz {said}"):
+        store.load(rewritten(stored, edit))
+
+
+# Where files are written
+
+
+TURNS = """
+import sys
+from octoctrl.files import store, writing
+from octoctrl.sim.activation import Activation, Plateau
+for turn in range(150):
+    store.save("shared.npz", Activation(templates=(Plateau(groups=("LM1",), level=(turn + 1) / 1000),)), overwrite=True)
+    store.load("shared.npz", expect="Activation")
+"""
+
+
+def test_two_writers_of_one_file_do_not_disturb_each_other(tmp_path):
+    processes = [subprocess.Popen([sys.executable, "-c", TURNS], cwd=tmp_path, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    assert [process.communicate()[1] for process in processes] == ["", ""]
+    assert [item.name for item in tmp_path.iterdir()] == ["shared.npz"]
+
+
+def test_a_link_goes_on_pointing_and_modes_are_kept(tmp_path):
+    from octoctrl.sim.activation import Activation
+
+    (tmp_path / "kept").mkdir()
+    place, link = tmp_path / "kept" / "real.npz", tmp_path / "link.npz"
+    place.write_bytes(b"old")
+    place.chmod(0o640)
+    link.symlink_to(place)
+    store.save(link, Activation(), overwrite=True)
+    assert link.is_symlink() and store.load(place) == Activation() and place.stat().st_mode & 0o777 == 0o640
+    place.chmod(0o400)
+    with pytest.raises(OctoctrlError, match="write-protected"):
+        store.save(place, Activation(), overwrite=True)
+    with pytest.raises(OctoctrlError, match="is a folder"):
+        writing.check_target(tmp_path / "kept", overwrite=True, suffixes=("",))
+
+
+def test_what_fails_while_it_is_written_leaves_the_old_file(tmp_path):
+    target = tmp_path / "page.md"
+    target.write_text("old")
+    with pytest.raises(ZeroDivisionError), writing.written_aside(target) as part:
+        part.write_text("half")
+        raise ZeroDivisionError
+    with pytest.raises(OctoctrlError, match=r"page\.md cannot be written: No space left on device"), writing.written_aside(target) as part:
+        raise OSError(28, "No space left on device")
+    assert target.read_text() == "old" and [item.name for item in tmp_path.iterdir()] == ["page.md"]
+    assert part.suffix == ".md" and part.parent == tmp_path
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(writing.os, "access", lambda path, mode: False)
+    with pytest.raises(OctoctrlError, match="cannot be written; give a path in another one"):
+        writing.check_target(tmp_path / "run.npz")
+    (tmp_path / "file").touch()
+    with pytest.raises(OctoctrlError, match=r"cannot be made: .*; give another one"):
+        writing.make_folder(tmp_path / "file" / "folder")

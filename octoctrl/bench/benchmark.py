@@ -13,6 +13,7 @@ import numpy as np
 
 from octoctrl.sim.errors import OctoctrlError, check_choice
 
+from ..files.writing import write_text, written_aside
 from ..tables import machine, plain, table
 
 PARTS = {
@@ -153,9 +154,9 @@ def write(tables, command, *, output=None, picture=None, page=None):
     """
     if output is not None:
         content = {"command": command, "machine": machine(), "tables": {item.name: item.content() for item in tables}}
-        output.write_text(json.dumps(content, indent=2), encoding="utf-8")
+        write_text(output, json.dumps(content, indent=2))
     if page is not None:
-        page.write_text(page_text(tables, command), encoding="utf-8")
+        write_text(page, page_text(tables, command))
     if picture is not None:
         draw(tables, picture)
 
@@ -189,7 +190,8 @@ def draw(tables, path):
         axes.set(xlabel=item.curve[0], ylabel=item.curve[1], title=item.title)
         axes.grid(alpha=0.3, which="both")
         axes.legend(fontsize="small")
-    figure.savefig(path, dpi=150)
+    with written_aside(path) as part:
+        figure.savefig(part, dpi=150)
 
 
 def timed_motion(plant, activation, duration, times, piece=1.0):

@@ -7,7 +7,7 @@ from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import MODELLED_AS, check_plant, make_plant, warmup
 from octoctrl.sim.scene.scene import Scene
 
-from ..files.store import check_target
+from ..files.writing import check_target, written_aside
 from ..progress import NullProgress
 
 LEAST_RUN, LOST = 0.5, 0.2
@@ -76,7 +76,8 @@ def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, l
         display.stop()
     found.statistics["cut_short"] = cut_short
     if path is not None:
-        found.save(path)
+        with written_aside(path) as part:
+            found.save(part)
     return found
 
 

@@ -1,25 +1,29 @@
 """Plans, executions, recordings and traces as .npz files without pickle.
 
 A file is a NumPy archive: the member ``header`` is JSON (what the file holds, with which versions and by which command it was made, and
-the object as a tree), every array of the object is a member of its own. Files are written beside their place and moved into it, so that
-a file is always either the old one or the new one, whatever kills the writer.
+the object as a tree), every array of the object is a member of its own. How a file takes its place: `octoctrl.files.writing`.
 """
 
 import contextlib
 import importlib
 import json
-import os
 import sys
 import time
 import zipfile
+import zlib
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from octoctrl import __version__
 from octoctrl.sim.errors import OctoctrlError
+
+from .writing import check_target, written_aside
 
 SCHEMA = 2
 """Version of the file format that this program writes."""
@@ -44,7 +48,7 @@ _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 _REGISTERED: dict[str, type] = {}
 
 
-def register(kind):
+def register(kind: type) -> type:
     """Let files hold objects of a dataclass or enum of the user's own; usable as a decorator.
 
     Parameters
@@ -70,7 +74,7 @@ def register(kind):
     return kind
 
 
-def save(path, item, *, overwrite=False, origin=None):
+def save(path: str | Path, item: Any, *, overwrite: bool = False, origin: Mapping[str, str] | None = None) -> Path:
     """Write an object to a .npz file.
 
     Parameters
@@ -92,7 +96,7 @@ def save(path, item, *, overwrite=False, origin=None):
         If the suffix is unknown, the file exists, or the object holds something that cannot be stored.
     """
     path = check_target(path, overwrite=overwrite)
-    arrays = {}
+    arrays: dict[str, np.ndarray] = {}
     header = {
         "schema": SCHEMA,
         "content": type(item).__name__,
@@ -102,20 +106,12 @@ def save(path, item, *, overwrite=False, origin=None):
         "object": _encode(item, arrays, type(item).__name__),
     }
     text = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with open(part, "wb") as file:
-            np.savez(file, allow_pickle=False, header=text, **arrays)
-        os.replace(part, path)
-    except OSError as error:
-        raise OctoctrlError(f"{path} cannot be written: {error.strerror}") from None
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink()
+    with written_aside(path) as part:
+        np.savez(part, allow_pickle=False, header=text, **arrays)
     return path
 
 
-def load(path, *, expect=None):
+def load(path: str | Path, *, expect: str | None = None) -> Any:
     """Read an object from a .npz file.
 
     Parameters
@@ -139,10 +135,23 @@ def load(path, *, expect=None):
         names = {"Plan": "a plan", "Execution": "a run"}
         held, wanted = (names.get(name, f"'{name}'") for name in (header["content"], expect))
         raise OctoctrlError(f"{path} holds {held}, not {wanted}{'; ' + advice if advice else ''}")
-    return _decode(header["object"], arrays)
+    try:
+        return _decode(header["object"], arrays)
+    except _UnknownClassError:
+        raise
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError) as error:
+        written = header["versions"].get("octoctrl", "?")
+        origin = (
+            "is damaged" if written == __version__ else f"was written by octoctrl {written}, which this one, {__version__}, does not know"
+        )
+        raise OctoctrlError(f"{path} {origin}: {f'no {error}' if isinstance(error, KeyError) else error}") from error
 
 
-def read_header(path):
+class _UnknownClassError(OctoctrlError):
+    """The file holds an object of a class that must be registered first."""
+
+
+def read_header(path: str | Path) -> dict[str, Any]:
     """Read what a file says of itself: schema, content, versions, argv, origin.
 
     Parameters
@@ -155,34 +164,6 @@ def read_header(path):
     """
     _, header, _ = _open(path)
     return {key: value for key, value in header.items() if key != "object"}
-
-
-def check_target(path, *, overwrite=False, suffixes=(".npz",)):
-    """Check a path that is to be written, before the work is done.
-
-    Parameters
-    ----------
-    path : str or Path
-    overwrite : bool
-    suffixes : tuple of str
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    OctoctrlError
-        If the suffix is unknown, the folder is missing, or the file exists and may not be replaced.
-    """
-    path = Path(path)
-    if path.suffix not in suffixes:
-        raise OctoctrlError(f"unknown format '{path.suffix}'; use {' or '.join(suffixes)}")
-    if path.exists() and not overwrite:
-        raise OctoctrlError(f"{path.name} exists; use -f to replace")
-    if not path.parent.is_dir():
-        raise OctoctrlError(f"folder {path.parent} does not exist; make it first")
-    return path
 
 
 class RunWriter:
@@ -200,13 +181,13 @@ class RunWriter:
         For the header; see `save`.
     """
 
-    def __init__(self, path, *, overwrite=False, period=1.0, origin=None):
+    def __init__(self, path: str | Path, *, overwrite: bool = False, period: float = 1.0, origin: Mapping[str, str] | None = None) -> None:
         self.path = check_target(path, overwrite=overwrite)
         self.period = period
         self.origin = origin
         self._next = 0.0
 
-    def __call__(self, item):
+    def __call__(self, item: Any) -> None:
         """Write `item` if the last writing is long enough ago; slow disks are given at most a tenth of the time."""
         began = time.monotonic()
         if began < self._next:
@@ -215,12 +196,16 @@ class RunWriter:
         took = time.monotonic() - began
         self._next = began + took + max(self.period, 9 * took)
 
-    def close(self, item):
+    def close(self, item: Any) -> Path:
         """Write `item` for good and return the path."""
         return save(self.path, item, overwrite=True, origin=self.origin)
 
 
-def _open(path):
+_HEADER = {"content": str, "versions": dict, "argv": list, "origin": dict, "object": dict}
+"""What every header says besides its schema."""
+
+
+def _open(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, np.ndarray]]:
     path = Path(path)
     if path.suffix != ".npz":
         raise OctoctrlError(f"unknown format '{path.suffix}'; use .npz")
@@ -231,15 +216,18 @@ def _open(path):
             arrays = {name: archive[name] for name in archive.files}
         header = json.loads(arrays.pop("header").tobytes())
         schema = header["schema"]
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
-        raise OctoctrlError(f"{path} is not a file of octoctrl, or is damaged") from None
+        whole = type(schema) is int and (schema > SCHEMA or all(isinstance(header[key], kind) for key, kind in _HEADER.items()))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error):
+        whole = False
+    if not whole:
+        raise OctoctrlError(f"{path} is not a file of octoctrl, or is damaged")
     if not OLDEST_SCHEMA <= schema <= SCHEMA:
         reads = str(SCHEMA) if OLDEST_SCHEMA == SCHEMA else f"{OLDEST_SCHEMA} to {SCHEMA}"
-        raise OctoctrlError(f"file has schema {schema}, this octoctrl reads {reads}: pip install -U octoctrl")
+        raise OctoctrlError(f"{path} has schema {schema}, this octoctrl reads {reads}: pip install -U octoctrl")
     return path, header, arrays
 
 
-def _versions():
+def _versions() -> dict[str, str]:
     from importlib.metadata import PackageNotFoundError, version
 
     found = {"python": ".".join(map(str, sys.version_info[:3]))}
@@ -249,17 +237,17 @@ def _versions():
     return found
 
 
-def _class(name):
+def _class(name: str) -> Any:
     if name in _REGISTERED:
         return _REGISTERED[name]
     if name not in _HOME_OF:
-        raise OctoctrlError(
+        raise _UnknownClassError(
             f"the file holds a '{name}', which this program does not know; call octoctrl.files.store.register({name}) first"
         )
     return getattr(importlib.import_module(_HOME_OF[name]), name)
 
 
-def _encode(item, arrays, place):
+def _encode(item: Any, arrays: dict[str, np.ndarray], place: str) -> Any:
     """Turn an object into a JSON tree; arrays go to `arrays`, by place."""
     name = type(item).__name__
     known = (name in _HOME_OF or name in _REGISTERED) and type(item) is _class(name)
@@ -292,7 +280,7 @@ def _encode(item, arrays, place):
     )
 
 
-def _decode(tree, arrays):
+def _decode(tree: Any, arrays: dict[str, np.ndarray]) -> Any:
     if isinstance(tree, list):
         return [_decode(inner, arrays) for inner in tree]
     if not isinstance(tree, dict):

@@ -3,6 +3,7 @@
 from collections import Counter
 from pathlib import Path
 
+from ..files.writing import write_text, written_aside
 from ..tables import machine, table
 from .endings import COMPARED, PERTURBATION, SENSITIVE, TOLERANCE, Verdict
 from .studies import matrix, read, summary
@@ -174,7 +175,7 @@ def write(path, outcomes, progress=None):
         progress.stop()
     picture = Path(path).with_suffix(".png")
     draw([outcome for found in studies.values() for outcome in found], picture)
-    Path(path).write_text(page(studies, endurance, commands[1:] + commands[:1], picture.name), encoding="utf-8")
+    write_text(Path(path), page(studies, endurance, commands[1:] + commands[:1], picture.name))
 
 
 def draw(outcomes, path):
@@ -199,4 +200,5 @@ def draw(outcomes, path):
     axes.set(xlim=(0, 1), xlabel=f"share of runs ({len(outcomes):,} in all)")
     axes.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside upper center", ncols=3, frameon=False, fontsize=8)
-    figure.savefig(path, dpi=150)
+    with written_aside(path) as part:
+        figure.savefig(part, dpi=150)

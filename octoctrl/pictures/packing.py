@@ -6,6 +6,7 @@ Positions of an arm of 0.2 m keep 3 micrometres, and a run of 150 instants takes
 import base64
 import zlib
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ Floats = NDArray[np.float64]
 STEPS = 65535
 
 
-def pack(arrays: Mapping[str, Floats]) -> tuple[dict[str, dict[str, object]], str]:
+def pack(arrays: Mapping[str, Floats]) -> tuple[dict[str, dict[str, Any]], str]:
     """Write arrays as text.
 
     Parameters
@@ -30,7 +31,7 @@ def pack(arrays: Mapping[str, Floats]) -> tuple[dict[str, dict[str, object]], st
     text : str
         Base64 of the deflated bytes.
     """
-    contents: dict[str, dict[str, object]] = {}
+    contents: dict[str, dict[str, Any]] = {}
     pieces: list[bytes] = []
     offset = 0
     for name, array in arrays.items():
@@ -45,7 +46,7 @@ def pack(arrays: Mapping[str, Floats]) -> tuple[dict[str, dict[str, object]], st
     return contents, base64.b64encode(zlib.compress(b"".join(pieces), 9)).decode()
 
 
-def unpack(contents: Mapping[str, Mapping[str, object]], text: str) -> dict[str, Floats]:
+def unpack(contents: Mapping[str, Mapping[str, Any]], text: str) -> dict[str, Floats]:
     """Read back what `pack` wrote: the same reading as that of a page's script.
 
     Parameters
@@ -60,9 +61,9 @@ def unpack(contents: Mapping[str, Mapping[str, object]], text: str) -> dict[str,
     raw = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=np.uint8)
     found: dict[str, Floats] = {}
     for name, entry in contents.items():
-        shape, offset = tuple(entry["shape"]), int(entry["offset"])  # type: ignore[arg-type, call-overload]
+        shape, offset = tuple(entry["shape"]), int(entry["offset"])
         size = int(np.prod(shape))
         change = raw[offset : offset + size].astype(np.uint16) | (raw[offset + size : offset + 2 * size].astype(np.uint16) << 8)
         whole = np.cumsum(change.reshape(shape), axis=0, dtype=np.uint16)
-        found[name] = float(entry["low"]) + float(entry["unit"]) * whole  # type: ignore[arg-type]
+        found[name] = float(entry["low"]) + float(entry["unit"]) * whole.astype(np.float64)
     return found

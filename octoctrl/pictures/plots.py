@@ -6,7 +6,7 @@ import numpy as np
 
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 
-from ..files.store import check_target
+from ..files.writing import check_target, written_aside
 from ..judging.comparison import compare, planned_points, rms
 
 COLOURS = {"link": "#009E73", "writhe": "#0072B2", "twist": "#D55E00"}
@@ -60,7 +60,8 @@ def plot(execution, path=None, *, overwrite=False, overlap=False, snapshots=6):
     draw_panels(panels[1:], execution, comparison)
     figure.align_ylabels(panels[1:4])
     if path is not None:
-        figure.savefig(path, dpi=160)
+        with written_aside(path) as part:
+            figure.savefig(part, dpi=160)
     return figure
 
 

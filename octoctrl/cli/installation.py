@@ -1,0 +1,41 @@
+"""Commands for the installation: whether it is sound, and compiling ahead of time."""
+
+from typing import Annotated
+
+import typer
+
+from .codes import ExitCode
+from .options import AsJson, PlantName, Quiet, Settings, task_names
+from .output import display, print_json
+from .planning import configuration_of
+
+
+def doctor(
+    task: Annotated[
+        str | None,
+        typer.Argument(metavar="[FILE_OR_TASK]", help="A task; the installation alone if omitted.", autocompletion=task_names),
+    ] = None,
+    settings: Settings = None,
+    plant: PlantName = None,
+    as_json: AsJson = False,
+) -> ExitCode:
+    """Check the installation, and say what a task needs, what is left out for it, and how long it will run."""
+    from .. import doctor as diagnosis
+
+    findings = diagnosis.installation()
+    needs = None if task is None else diagnosis.needs(configuration_of(task, settings, plant))
+    if as_json:
+        print_json({"installation": findings.content()} | ({} if needs is None else {"task": needs.content()}))
+    else:
+        print(findings, *([] if needs is None else [needs]), sep="\n\n")
+    return ExitCode.WELL if findings.sound else ExitCode.BAD_INPUT
+
+
+def warmup(plant: PlantName = None, quiet: Quiet = False) -> ExitCode:
+    """Compile the plant once, so that later runs start at once."""
+    from octoctrl.sim import plants
+
+    name = plant or "rod"
+    plants.warmup(name, display(quiet))
+    print(f" the plant is compiled: {plants.PLANTS[name]}")
+    return ExitCode.WELL

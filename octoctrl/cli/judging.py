@@ -1,0 +1,42 @@
+"""Commands that look at a run: the verdict, and planned against simulated."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .codes import ExitCode, code_of_verdict
+from .options import AsJson, Overwrite, RunFile
+from .output import report, say, verdict_content
+
+
+def verify(run_file: RunFile, as_json: AsJson = False) -> ExitCode:
+    """Check a run against its plan and its task."""
+    from ..files.store import load
+    from ..judging.verification import verify as check
+
+    verdict = check(load(run_file, expect="Execution"))
+    report(verdict, verdict_content(verdict), as_json)
+    return code_of_verdict(verdict)
+
+
+def compare(
+    run_file: RunFile,
+    picture: Annotated[Path | None, typer.Option("--plot", metavar="PICTURE", help="Draw the traces: .png, .pdf or .svg.")] = None,
+    overlap: Annotated[bool, typer.Option("--overlap", help="Compare a run that was cut short as far as it goes.")] = False,
+    force: Overwrite = False,
+    as_json: AsJson = False,
+) -> ExitCode:
+    """Compare planned and simulated link, writhe and twist."""
+    from ..files.store import load
+    from ..judging.comparison import compare as align
+
+    execution = load(run_file, expect="Execution")
+    comparison = align(execution, overlap=overlap)
+    if picture is not None:
+        from ..pictures.plots import plot
+
+        plot(execution, picture, overwrite=force, overlap=overlap)
+        say(f"wrote {picture}")
+    report(comparison, {"errors": comparison.summary(), "level_times": comparison.delays}, as_json)
+    return ExitCode.WELL

@@ -1,0 +1,119 @@
+"""Commands that move the arm: a plan carried out, and everything in one go."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from octoctrl.sim.errors import OctoctrlError
+
+from ..progress import NullProgress, Progress
+from .codes import ExitCode, code_of_plan, code_of_run, code_of_verdict
+from .options import AsJson, Overwrite, PlanFile, PlantName, Quiet, Settings, TimeLimit, task_names
+from .output import display, plan_content, report, run_content, say, verdict_content
+from .planning import configuration_of, origin_of, plan_into
+
+if TYPE_CHECKING:
+    from octoctrl.planners.solving.plan import Plan
+
+    from ..carrying.results import Execution
+
+
+def run(
+    plan_file: PlanFile,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.npz")],
+    open_loop: Annotated[bool, typer.Option("--open-loop", help="Play the planned activations without feedback.")] = False,
+    feedback: Annotated[str | None, typer.Option("--feedback", metavar="NAME", help="tvlqr, or open-loop.")] = None,
+    plant: PlantName = None,
+    force: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> ExitCode:
+    """Carry out a plan on the plant that it was made for, or another one; the file is kept up to date while the run goes on."""
+    from octoctrl.sim.plants import check_plant
+
+    from ..files.configuration import check_feedback, parse
+    from ..files.store import load, read_header
+    from ..files.writing import check_target
+
+    if open_loop and feedback not in (None, "open-loop"):
+        raise OctoctrlError(f"--open-loop and --feedback {feedback} contradict each other; give one of them")
+    loaded, origin = load(plan_file, expect="Plan"), read_header(plan_file)["origin"]
+    if feedback is None:
+        written = origin.get("configuration")
+        feedback = "open-loop" if open_loop else parse(written).run.feedback if written else "tvlqr"
+    check_feedback(feedback)
+    check_plant(plant or loaded.plant)
+    check_target(output, overwrite=force)
+    if code_of_plan(loaded):
+        say(f"the plan does not meet its goals: {loaded.status.value}")
+    execution = run_into(output, loaded, feedback, plant or loaded.plant, force, origin, display(quiet))
+    report(execution, run_content(execution), as_json)
+    return code_of_run(execution)
+
+
+def demo(
+    task: Annotated[str, typer.Argument(metavar="TASK", help="Name of a task, or a task file.", autocompletion=task_names)] = "coil",
+    folder: Annotated[Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Default: demo-TASK, renewed each time.")] = None,
+    settings: Settings = None,
+    time_limit: TimeLimit = None,
+    plant: PlantName = None,
+    force: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> ExitCode:
+    """Plan a task, carry it out in closed loop, verify it, and draw planned against simulated."""
+    from ..files.writing import check_target, make_folder
+
+    configuration = configuration_of(task, settings, plant)
+    if folder is None:
+        ending = "" if configuration.run.plant == "rod" else f"-{configuration.run.plant}"
+        folder, force = Path(f"demo-{Path(task).stem}{ending}"), True
+    make_folder(folder)
+    plan_file, run_file, picture = folder / "plan.npz", folder / "run.npz", folder / "traces.png"
+    for path in (plan_file, run_file):
+        check_target(path, overwrite=force)
+    check_target(picture, overwrite=force, suffixes=(".png",))
+    progress = display(quiet)
+    made = plan_into(plan_file, configuration, time_limit, progress)
+    if not as_json:
+        print(f"{made}\n")
+    if code := code_of_plan(made):
+        return code
+    settled = configuration.run
+    execution = run_into(run_file, made, settled.feedback, settled.plant, force, origin_of(configuration), progress)
+    if not as_json:
+        print(f"{execution}\n")
+    if code := code_of_run(execution):
+        return code
+    from ..judging.verification import verify
+    from ..pictures.plots import plot
+
+    verdict = verify(execution)
+    report(verdict, {"plan": plan_content(made), "run": run_content(execution), "verdict": verdict_content(verdict)}, as_json)
+    plot(execution, picture, overwrite=True)
+    say(f"wrote {plan_file}, {run_file} and {picture}")
+    return code_of_verdict(verdict)
+
+
+def run_into(output: Path, plan: "Plan", feedback: str, plant: str, force: bool, origin: dict[str, str], progress: Progress) -> "Execution":
+    """Carry out a plan and keep the run in a file, also while it goes on."""
+    from octoctrl.sim import plants
+
+    from ..carrying.execution import execute
+    from ..doctor import header
+    from ..files.store import RunWriter
+
+    writer = RunWriter(output, overwrite=force, origin=origin)
+    try:
+        plants.warmup(plant, progress)
+        made = plants.make_plant(plant, plan.arm, plan.scene)
+        if not isinstance(progress, NullProgress):
+            say(header(made, plan.schedule.activation().groups))
+        execution = execute(plan, feedback=feedback, plant=made, progress=progress, checkpoint=writer)
+    finally:
+        progress.stop()
+    writer.close(execution)
+    if code_of_run(execution) is ExitCode.INTERRUPTED:
+        say(f"stopped at {execution.recording.time[-1]:.2f} s; {output} holds everything up to there")
+    return execution
