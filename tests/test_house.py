@@ -31,6 +31,7 @@ ROOMS = {
         "activation": SIM_GROUND | {"body"},
         "sources": SIM_GROUND | {"body", "activation"},
         "running": SIM_GROUND | {"body", "scene", "activation", "sources"},
+        "contact": SIM_GROUND | {"scene", "physics"},
         "rod": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running"},
         # In the long run nothing of the rod.
         "assembly": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running", "rod"},

@@ -1,0 +1,1 @@
+"""Touching the world: distances, friction with anchors, rigid bodies. Imports the ground of `sim`, `scene` and `physics`."""

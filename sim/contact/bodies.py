@@ -1,0 +1,73 @@
+"""From objects of a scene to the rows that the kernels work on, and what is recorded of them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.objects import Free, Moved, RigidObject, Springs, frame_of
+from .columns import Body
+
+Floats = NDArray[np.float64]
+
+
+def rows_of(objects: Sequence[RigidObject], *, water_density: float = 0.0) -> Floats:
+    """Rows of all objects at the begin.
+
+    Parameters
+    ----------
+    objects : sequence of RigidObject
+    water_density : float, kg/m^3
+        Of the water that moving objects drag along; 0 in a vacuum.
+
+    Returns
+    -------
+    (M, Body.WIDTH) float64
+    """
+    rows = np.zeros((len(objects), Body.WIDTH))
+    for row, item in zip(rows, objects, strict=True):
+        row[Body.SHAPE] = item.kind
+        row[Body.SIZE : Body.SIZE + len(item.sizes)] = item.sizes
+        row[Body.POSITION : Body.POSITION + 3] = row[Body.HOME : Body.HOME + 3] = item.position
+        frame = frame_of(item)
+        row[Body.FRAME : Body.FRAME + 9] = frame.ravel()
+        row[Body.HOME_AXIS : Body.HOME_AXIS + 3] = frame[2]
+        row[Body.STATIC], row[Body.KINETIC] = item.friction
+        row[Body.STIFFNESS], row[Body.BOUND] = item.stiffness, item.bound
+        support = item.support
+        if isinstance(support, Moved):
+            row[Body.VELOCITY : Body.VELOCITY + 3] = support.velocity
+            row[Body.SPIN : Body.SPIN + 3] = support.spin
+        if isinstance(support, Springs):
+            row[Body.SPRING : Body.SPRING + 2] = support.stiffness, support.turning
+        if isinstance(support, Free | Springs):
+            row[Body.DAMPING : Body.DAMPING + 2] = support.damping
+            if not (isinstance(support, Free) and support.since > 0):
+                release(row, item, water_density)
+    return rows
+
+
+def release(row: Floats, item: RigidObject, water_density: float = 0.0) -> None:
+    """Give a body its mass: from now on it moves as it is pushed.
+
+    Parameters
+    ----------
+    row : (Body.WIDTH,) float64
+    item : RigidObject
+    water_density : float, kg/m^3
+    """
+    assert item.weight is not None
+    # Water that moves along adds to the mass; about its own axis a smooth body turns without it.
+    water = water_density * item.volume if item.water_mass else 0.0
+    row[Body.INVERSE_MASS] = 1 / (item.weight + water)
+    across = item.weight + water
+    row[Body.INVERSE_INERTIA : Body.INVERSE_INERTIA + 3] = 1 / (np.array(item.gyration) * [across, across, item.weight])
+
+
+def kinetic_energy(row: Floats) -> float:
+    """Kinetic energy of a body that moves freely, J."""
+    if row[Body.INVERSE_MASS] == 0:
+        return 0.0
+    along = row[Body.FRAME : Body.FRAME + 9].reshape(3, 3) @ row[Body.MOMENTUM : Body.MOMENTUM + 3]
+    velocity = row[Body.VELOCITY : Body.VELOCITY + 3]
+    return float(0.5 * velocity @ velocity / row[Body.INVERSE_MASS] + 0.5 * along**2 @ row[Body.INVERSE_INERTIA : Body.INVERSE_INERTIA + 3])

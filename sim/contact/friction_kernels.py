@@ -1,0 +1,131 @@
+"""What one point of an arm and one body do to each other in a step: an implicit impulse along the normal, anchored Coulomb friction across.
+
+With the gap g at mid-step, normal n from body to arm, relative velocity v of the surfaces after the kick, mobilities w of the pair:
+
+    a = h (h k + c),   p = max(0, (-h k g - a v_n) / (1 + a w_n))            critical damping c = 2 zeta sqrt(k / w_n) where they overlap
+    b = h (h k_t + 2 zeta sqrt(k_t / w_t)),   q = -(h k_t s + b v_t) / (1 + b w_t)          s: stretch of the anchor's spring
+    |q| > mu p:   it slides, q <- mu_k p q / |q|, and the spring keeps the stretch that this force needs
+
+Backward Euler for the spring and its damper, so there is no limit on the step; the return to the friction cone is that of plasticity
+(Simo & Laursen 1992, Computers & Structures 42:97). Impulses act on arm and body at once, point by point in a fixed order. The anchor
+follows the velocity that the surfaces have at the end of the step, when the implicit muscles have had their say (`follow`): with the
+predicted one the arm would tremble in its grasp for ever.
+"""
+
+import numpy as np
+
+from ..compiler import kernel
+from .body_kernels import spin_of, turned
+from .columns import Anchor, Body
+
+POSITION, VELOCITY, MOMENTUM, INVERSE_MASS = (int(c) for c in (Body.POSITION, Body.VELOCITY, Body.MOMENTUM, Body.INVERSE_MASS))
+STATIC, KINETIC, IMPULSE, COUPLE = (int(c) for c in (Body.STATIC, Body.KINETIC, Body.IMPULSE, Body.COUPLE))
+SUM, DEEPEST, LOADED = int(Body.NORMAL), int(Body.DEEPEST), int(Body.LOADED)
+STRETCH, SLIDING, SLIP, NORMAL = (int(c) for c in (Anchor.STRETCH, Anchor.SLIDING, Anchor.SLIP, Anchor.NORMAL))
+
+TANGENTIAL = 0.5
+"""Stiffness of the anchor over that of the contact."""
+ZETA = 1.0
+"""Damping over the critical one: no rebound, and anchors do not ring."""
+TINY = 1e-300
+
+
+@kernel
+def apart(anchor):
+    """Forget a touch, but for the path slid."""
+    for i in range(6):
+        if i != SLIP:
+            anchor[i] = 0.0
+
+
+@kernel
+def relative(body, b1, b2, b3, v1, v2, v3):
+    """Velocity of the arm's surface less that of the body at the lever b from its centre."""
+    w1, w2, w3 = spin_of(body)
+    return (
+        v1 - body[VELOCITY] - (w2 * b3 - w3 * b2),
+        v2 - body[VELOCITY + 1] - (w3 * b1 - w1 * b3),
+        v3 - body[VELOCITY + 2] - (w1 * b2 - w2 * b1),
+    )
+
+
+@kernel
+def mobility_along(body, b1, b2, b3, e1, e2, e3):
+    """Velocity of the body's point at lever b along e after a unit impulse along e."""
+    if body[INVERSE_MASS] == 0.0:
+        return 0.0
+    l1, l2, l3 = b2 * e3 - b3 * e2, b3 * e1 - b1 * e3, b1 * e2 - b2 * e1
+    w1, w2, w3 = turned(body, l1, l2, l3)
+    return body[INVERSE_MASS] + l1 * w1 + l2 * w2 + l3 * w3
+
+
+@kernel
+def touch(body, anchor, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm_tangent, stiffness, h):
+    """Impulse on the arm at the place c, where its surface moves with v; the body receives the opposite at once."""
+    b1, b2, b3 = c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2]
+    v1, v2, v3 = relative(body, b1, b2, b3, v1, v2, v3)
+    normal_speed = v1 * n1 + v2 * n2 + v3 * n3
+    w = arm_normal + mobility_along(body, b1, b2, b3, n1, n2, n3)
+    damping = 2 * ZETA * np.sqrt(stiffness / w) if gap < 0 else 0.0
+    a = h * (h * stiffness + damping)
+    p = (-h * stiffness * gap - a * normal_speed) / (1 + a * w)
+    if not p > 0:
+        apart(anchor)
+        return 0.0, 0.0, 0.0
+    t1, t2, t3 = v1 - normal_speed * n1, v2 - normal_speed * n2, v3 - normal_speed * n3
+    s1, s2, s3 = anchor[STRETCH], anchor[STRETCH + 1], anchor[STRETCH + 2]
+    out = s1 * n1 + s2 * n2 + s3 * n3
+    s1, s2, s3 = s1 - out * n1, s2 - out * n2, s3 - out * n3
+    tangential = TANGENTIAL * stiffness
+    e1, e2, e3 = s1 + h * t1, s2 + h * t2, s3 + h * t3
+    size = np.sqrt(e1 * e1 + e2 * e2 + e3 * e3) + TINY
+    w = arm_tangent + mobility_along(body, b1, b2, b3, e1 / size, e2 / size, e3 / size)
+    b = h * (h * tangential + 2 * ZETA * np.sqrt(tangential / w))
+    share = 1 / (1 + b * w)
+    q1 = -(h * tangential * s1 + b * t1) * share
+    q2 = -(h * tangential * s2 + b * t2) * share
+    q3 = -(h * tangential * s3 + b * t3) * share
+    size = np.sqrt(q1 * q1 + q2 * q2 + q3 * q3)
+    if size > (body[KINETIC] if anchor[SLIDING] > 0 else body[STATIC]) * p:
+        shorter = body[KINETIC] * p / size
+        q1, q2, q3 = shorter * q1, shorter * q2, shorter * q3
+        s1, s2, s3 = -q1 / (h * tangential), -q2 / (h * tangential), -q3 / (h * tangential)
+        anchor[SLIDING] = 1.0
+    else:
+        anchor[SLIDING] = 0.0
+    anchor[STRETCH], anchor[STRETCH + 1], anchor[STRETCH + 2] = s1, s2, s3
+    anchor[NORMAL] = p / h
+    p1, p2, p3 = p * n1 + q1, p * n2 + q2, p * n3 + q3
+    l1, l2, l3 = b2 * p3 - b3 * p2, b3 * p1 - b1 * p3, b1 * p2 - b2 * p1
+    mobility = body[INVERSE_MASS]
+    if mobility > 0:
+        body[VELOCITY] -= mobility * p1
+        body[VELOCITY + 1] -= mobility * p2
+        body[VELOCITY + 2] -= mobility * p3
+        body[MOMENTUM] -= l1
+        body[MOMENTUM + 1] -= l2
+        body[MOMENTUM + 2] -= l3
+    body[IMPULSE] -= p1
+    body[IMPULSE + 1] -= p2
+    body[IMPULSE + 2] -= p3
+    body[COUPLE] -= l1
+    body[COUPLE + 1] -= l2
+    body[COUPLE + 2] -= l3
+    body[SUM] += p
+    body[DEEPEST] = max(body[DEEPEST], -gap)
+    body[LOADED] += 1.0
+    return p1, p2, p3
+
+
+@kernel
+def follow(body, anchor, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
+    """At the end of the step an anchor that holds is stretched by the motion that really takes place; one that slides counts its path."""
+    v1, v2, v3 = relative(body, c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2], v1, v2, v3)
+    normal_speed = v1 * n1 + v2 * n2 + v3 * n3
+    t1, t2, t3 = v1 - normal_speed * n1, v2 - normal_speed * n2, v3 - normal_speed * n3
+    if anchor[SLIDING] > 0:
+        anchor[SLIP] += h * np.sqrt(t1 * t1 + t2 * t2 + t3 * t3)
+    else:
+        anchor[STRETCH] += h * t1
+        anchor[STRETCH + 1] += h * t2
+        anchor[STRETCH + 2] += h * t3

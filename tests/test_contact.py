@@ -1,0 +1,324 @@
+"""Distances, friction and rigid bodies against closed forms and conservation laws."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from octoctrl.sim.compiler import kernel
+from octoctrl.sim.contact.bodies import kinetic_energy, rows_of
+from octoctrl.sim.contact.body_kernels import drift_bodies, kick_bodies, straighten
+from octoctrl.sim.contact.columns import Anchor, Body
+from octoctrl.sim.contact.friction_kernels import follow, touch
+from octoctrl.sim.contact.shape_kernels import distance
+from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Free, Moved, Plane, Sphere, Springs, frame_of
+
+PLACE, AXIS = (0.01, -0.02, 0.03), (0.3, 1.0, -0.4)
+SHAPES = (
+    Sphere(name="ball", radius=0.014, position=PLACE),
+    Capsule(name="post", radius=0.01, length=0.05, position=PLACE, axis=AXIS),
+    Cylinder(name="can", radius=0.012, length=0.03, position=PLACE, axis=AXIS),
+    Box(name="brick", size=(0.02, 0.03, 0.05), position=PLACE, axis=AXIS),
+    Plane(name="floor", position=PLACE, axis=AXIS),
+)
+IDS = [shape.name for shape in SHAPES]
+
+
+# Distances
+
+
+def surface(item, draw):
+    """Points on the surface of a body, by its own parametrisation."""
+    frame, count = frame_of(item), 400
+    angle, up = draw.uniform(0, 2 * pi, count), draw.uniform(-1, 1, count)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    if isinstance(item, Sphere | Capsule):
+        ball = np.concatenate([np.sqrt(1 - up[:, None] ** 2) * ring, up[:, None]], axis=1)
+        local = item.radius * ball
+        if isinstance(item, Capsule):
+            local[:, 2] += np.sign(up) * item.length / 2
+            barrel = np.concatenate([item.radius * ring, draw.uniform(-0.5, 0.5, (count, 1)) * item.length], axis=1)
+            local = np.concatenate([local, barrel])
+    elif isinstance(item, Cylinder):
+        side = np.concatenate([item.radius * ring, draw.uniform(-0.5, 0.5, (count, 1)) * item.length], axis=1)
+        lid = np.concatenate([item.radius * np.sqrt(draw.uniform(0, 1, (count, 1))) * ring, np.sign(up)[:, None] * item.length / 2], axis=1)
+        local = np.concatenate([side, lid])
+    elif isinstance(item, Box):
+        local = draw.uniform(-0.5, 0.5, (count, 3))
+        face = draw.integers(0, 3, count)
+        local[np.arange(count), face] = np.sign(up) / 2
+        local *= item.size
+    else:
+        local = np.concatenate([draw.uniform(-0.1, 0.1, (count, 2)), np.zeros((count, 1))], axis=1)
+    return np.asarray(item.position) + local @ frame
+
+
+@pytest.mark.parametrize("item", SHAPES, ids=IDS)
+def test_distance_is_zero_on_the_surface_and_that_to_the_nearest_point_outside(item):
+    draw, (row,) = np.random.default_rng(3), rows_of([item])
+    points = surface(item, draw)
+    assert max(abs(distance(row, *point)[0]) for point in points) < 1e-15
+    dense = np.concatenate([surface(item, draw) for _ in range(40)])
+    for point in np.asarray(item.position) + draw.uniform(-0.06, 0.06, (60, 3)):
+        gap, *normal = distance(row, *point)
+        assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-14)
+        nearest = np.linalg.norm(dense - point, axis=1).min()
+        if gap > 0:
+            assert gap <= nearest + 1e-12
+            if not isinstance(item, Plane):
+                assert nearest < gap + 4e-3
+            # The foot of the point lies on the surface.
+            assert abs(distance(row, *(point - gap * np.array(normal)))[0]) < 1e-14
+        else:
+            assert -gap <= nearest + 1e-12
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(SHAPES), st.tuples(*(st.floats(-0.08, 0.08),) * 3))
+def test_the_normal_is_the_slope_of_the_distance(item, place):
+    (row,), h = rows_of([item]), 1e-7
+    point = np.asarray(item.position) + place
+    _, *normal = distance(row, *point)
+    slopes = [(distance(row, *(point + h * e))[0] - distance(row, *(point - h * e))[0]) / (2 * h) for e in np.eye(3)]
+    # Not at the ridges, where the nearest point jumps.
+    if abs(np.linalg.norm(slopes) - 1) < 1e-4:
+        np.testing.assert_allclose(normal, slopes, atol=2e-5)
+
+
+# One point and one body
+
+
+@kernel
+def push_point(bodies, x, v, m, radius, anchors, stiffness, h, steps, force, hold):
+    """A ball of mass m that a force pushes, with all bodies: the order of a plant's step."""
+    normals = np.zeros((bodies.shape[0], 6))
+    for _ in range(steps):
+        for i in range(3):
+            x[i] += 0.5 * h * v[i]
+        drift_bodies(bodies, 0.5 * h)
+        for i in range(3):
+            v[i] += h * force[i] / m
+        kick_bodies(bodies, h, hold)
+        for j in range(bodies.shape[0]):
+            gap, n1, n2, n3 = distance(bodies[j], x[0], x[1], x[2])
+            normals[j, 0], normals[j, 1], normals[j, 2] = n1, n2, n3
+            p1, p2, p3 = touch(
+                bodies[j], anchors[j], gap - radius, n1, n2, n3, x[0], x[1], x[2], v[0], v[1], v[2], 1 / m, 1 / m, stiffness, h
+            )
+            v[0] += p1 / m
+            v[1] += p2 / m
+            v[2] += p3 / m
+        for j in range(bodies.shape[0]):
+            if anchors[j, 5] > 0:
+                follow(bodies[j], anchors[j], normals[j, 0], normals[j, 1], normals[j, 2], x[0], x[1], x[2], v[0], v[1], v[2], h)
+        for i in range(3):
+            x[i] += 0.5 * h * v[i]
+        drift_bodies(bodies, 0.5 * h)
+
+
+class Block:
+    """A point mass on a body, pressed and pulled."""
+
+    def __init__(self, item, *, mass=1e-3, place=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), radius=0.0, stiffness=100.0, h=5e-4):
+        self.rows, self.anchors = rows_of([item]), np.zeros((1, Anchor.WIDTH))
+        self.x, self.v, self.mass, self.radius, self.stiffness, self.h = (
+            np.array(place, dtype=float), np.array(velocity, dtype=float), mass, radius, stiffness, h,
+        )  # fmt: skip
+
+    def move(self, duration, force=(0.0, 0.0, 0.0), hold=0.0):
+        steps = round(duration / self.h)
+        push_point(self.rows, self.x, self.v, self.mass, self.radius, self.anchors, self.stiffness, self.h, steps, np.array(force), hold)
+        return self
+
+
+FLOOR = Plane(name="floor", friction=(0.5, 0.4))
+WEIGHT = 0.01
+
+
+def settled(**options):
+    return Block(FLOOR, **options).move(2.0, (0, 0, -WEIGHT))
+
+
+def test_a_block_sinks_in_by_its_weight_over_the_stiffness():
+    assert -settled().x[2] == pytest.approx(WEIGHT / 100.0, rel=1e-9)
+
+
+def test_below_the_limit_it_holds_and_does_not_creep():
+    block = settled()
+    # Put on slowly: a load put on at once overshoots the anchor.
+    for share in np.linspace(0.0, 0.9, 401):
+        block.move(5e-3, (share * 0.5 * WEIGHT, 0, -WEIGHT))
+    block.move(2.0, (0.9 * 0.5 * WEIGHT, 0, -WEIGHT))
+    begin = block.x.copy()
+    block.move(10.0, (0.9 * 0.5 * WEIGHT, 0, -WEIGHT))
+    assert np.linalg.norm(block.x - begin) < 1e-9
+    # The anchor's spring alone gives way.
+    assert block.x[0] == pytest.approx(0.9 * 0.5 * WEIGHT / 50.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [1.02, 2.0])
+def test_above_the_limit_it_slides_with_kinetic_friction(share):
+    block, force = settled(), (share * 0.5 * WEIGHT, 0, -WEIGHT)
+    block.move(1.0, force)
+    before = block.v[0]
+    block.move(1.0, force)
+    assert block.v[0] - before == pytest.approx((share * 0.5 - 0.4) * WEIGHT / block.mass, rel=1e-9)
+    assert block.anchors[0, Anchor.SLIP] > 0.1
+
+
+@pytest.mark.parametrize("h", [5e-4, 5e-5])
+def test_stopping_distance(h):
+    block = settled(h=h)
+    begin = block.x[0]
+    block.v[0] = 1.0
+    block.move(2.0, (0, 0, -WEIGHT))
+    assert block.x[0] - begin == pytest.approx(1 / (2 * 0.4 * WEIGHT / block.mass), rel=1e-3)
+    assert abs(block.v[0]) < 1e-9
+
+
+def test_no_force_at_a_gap_of_zero_and_none_apart():
+    for gap in (0.0, 1e-12, 1e-3):
+        block = Block(FLOOR, place=(0, 0, gap)).move(5e-4)
+        assert not block.rows[0, Body.IMPULSE : Body.IMPULSE + 3].any() and block.x[2] == gap
+    assert Block(FLOOR, place=(0, 0, -1e-6)).move(5e-4).rows[0, Body.IMPULSE + 2] < 0
+
+
+def test_any_stiffness_is_stable():
+    for stiffness in (1e-2, 1.0, 1e4, 1e9):
+        block = Block(FLOOR, place=(0, 0, 0.01), stiffness=stiffness).move(3.0, (0, 0, -WEIGHT))
+        assert -block.x[2] == pytest.approx(WEIGHT / stiffness, rel=1e-3, abs=1e-9)
+
+
+def test_a_body_that_is_moved_carries_a_block_along():
+    belt = Plane(name="belt", friction=(0.5, 0.4), support=Moved(velocity=(0.03, 0.0, 0.0)))
+    block = Block(belt).move(3.0, (0, 0, -WEIGHT))
+    assert block.v[0] == pytest.approx(0.03, rel=1e-9)
+
+
+# Free bodies
+
+
+def momenta(block):
+    row = block.rows[0]
+    mass, velocity, centre = 1 / row[Body.INVERSE_MASS], row[Body.VELOCITY : Body.VELOCITY + 3], row[Body.POSITION : Body.POSITION + 3]
+    linear = block.mass * block.v + mass * velocity
+    angular = block.mass * np.cross(block.x, block.v) + mass * np.cross(centre, velocity) + row[Body.MOMENTUM : Body.MOMENTUM + 3]
+    return linear, angular
+
+
+@pytest.mark.parametrize("h", [5e-4, 5e-5])
+@pytest.mark.parametrize("friction", [(0.0, 0.0), (0.5, 0.4)], ids=["smooth", "rough"])
+def test_a_free_pair_keeps_momentum_and_angular_momentum(h, friction):
+    item = Capsule(
+        name="post", radius=0.01, length=0.06, axis=(0.3, 1, 0.2), density=1000.0, support=Free(damping=(0, 0)), friction=friction,
+        water_mass=False,
+    )  # fmt: skip
+    block = Block(item, mass=5e-3, place=(0.03, 0.012, 0.0), velocity=(-0.5, 0.1, 0.05), radius=3e-3, stiffness=50.0, h=h)
+    before = momenta(block)
+    energy = 0.5 * block.mass * block.v @ block.v
+    block.move(0.2)
+    after = momenta(block)
+    assert block.rows[0, Body.VELOCITY] < -1e-3, "they did not meet"
+    assert abs(after[0] - before[0]).max() < 1e-12 * abs(before[0]).max()
+    assert abs(after[1] - before[1]).max() < 1e-11 * abs(before[1]).max()
+    assert 0.5 * block.mass * block.v @ block.v + kinetic_energy(block.rows[0]) < energy
+
+
+def spin(row, rates):
+    """Let a body spin at `rates` (rad/s) about its own directors."""
+    inertia = 1 / row[Body.INVERSE_INERTIA : Body.INVERSE_INERTIA + 3]
+    row[Body.MOMENTUM : Body.MOMENTUM + 3] = inertia * np.array(rates) @ row[Body.FRAME : Body.FRAME + 9].reshape(3, 3)
+
+
+@pytest.mark.parametrize("size", [(0.02, 0.02, 0.02), (0.02, 0.02, 0.06), (0.02, 0.04, 0.06)], ids=["cube", "rod", "brick"])
+def test_free_rotation_keeps_energy_and_angular_momentum(size):
+    rows = rows_of([Box(name="top", size=size, density=1000.0, support=Free(damping=(0, 0)), water_mass=False)])
+    spin(rows[0], (0.01, 5.0, 0.02))
+    before, worst = kinetic_energy(rows[0]), 0.0
+    for _ in range(10_000):
+        for _ in range(2):
+            drift_bodies(rows, 5e-4)
+        straighten(rows)
+        worst = max(worst, abs(kinetic_energy(rows[0]) / before - 1))
+    frame = rows[0, Body.FRAME : Body.FRAME + 9].reshape(3, 3)
+    assert worst < 1e-6
+    assert abs(frame @ frame.T - np.eye(3)).max() < 1e-14
+
+
+def test_free_rotation_is_second_order():
+    def end(h):
+        rows = rows_of([Box(name="top", size=(0.02, 0.04, 0.06), density=1000.0, support=Free(damping=(0, 0)), water_mass=False)])
+        spin(rows[0], (1.0, 2.0, 3.0))
+        for _ in range(round(1.0 / h)):
+            drift_bodies(rows, h)
+        return rows[0, Body.FRAME : Body.FRAME + 9].copy()
+
+    exact = end(2.5e-4 / 4)
+    errors = [abs(end(h) - exact).max() for h in (4e-3, 2e-3, 1e-3)]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(orders, 2.0, atol=0.1)
+
+
+def test_springs_pull_an_object_home_with_their_own_frequency():
+    item = Sphere(name="ball", radius=0.01, mass=5e-3, support=Springs(stiffness=2.0, turning=0.0, damping=(0, 0)), water_mass=False)
+    rows, h = rows_of([item]), 1e-5
+    rows[0, Body.POSITION] += 1e-3
+    period = 2 * pi * np.sqrt(5e-3 / 2.0)
+    for _ in range(round(period / 4 / h)):
+        drift_bodies(rows, h / 2)
+        kick_bodies(rows, h, 1.0)
+        drift_bodies(rows, h / 2)
+    assert abs(rows[0, Body.POSITION]) < 2e-6
+    assert rows[0, Body.VELOCITY] == pytest.approx(-1e-3 * np.sqrt(2.0 / 5e-3), rel=2e-3)
+
+
+def test_damping_is_exact_at_any_step():
+    item = Sphere(name="ball", radius=0.01, mass=5e-3, support=Free(damping=(50.0, 5.0)), water_mass=False)
+    for h in (1e-2, 1e-3):
+        rows = rows_of([item])
+        rows[0, Body.VELOCITY], rows[0, Body.MOMENTUM] = 1.0, 1.0
+        for _ in range(round(0.1 / h)):
+            kick_bodies(rows, h, 0.0)
+        assert rows[0, Body.VELOCITY] == pytest.approx(np.exp(-5.0), rel=1e-12)
+        assert rows[0, Body.MOMENTUM] == pytest.approx(np.exp(-0.5), rel=1e-12)
+
+
+# Inertia of the solids, by integration over points
+
+
+@pytest.mark.parametrize("item", SHAPES[:4], ids=IDS[:4])
+def test_volume_and_inertia_are_those_of_the_solid(item):
+    (row,), frame, bound = rows_of([item]), frame_of(item), item.bound
+    grid = bound * np.random.default_rng(2).uniform(-1, 1, (60_000, 3))
+    inside = grid[[distance(row, *point)[0] < 0 for point in np.asarray(item.position) + grid @ frame]]
+    assert len(inside) / len(grid) * (2 * bound) ** 3 == pytest.approx(item.volume, rel=0.03)
+    second = (inside**2).mean(axis=0)
+    np.testing.assert_allclose(item.gyration, second.sum() - second, rtol=0.03)
+
+
+# Objects that cannot be
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Sphere(name="ball", radius=0.0), "object 'ball': size=0 m is outside > 0 m"),
+        (lambda: Capsule(name="post", radius=0.01, length=-1.0), "object 'post': size=-0.5 m is outside > 0 m"),
+        (lambda: Sphere(name="ball", radius=0.01, support=Free()), "object 'ball' can move but has no mass; give mass or density"),
+        (lambda: Sphere(name="ball", radius=0.01, mass=1.0, density=2.0), "object 'ball' has a mass and a density; give one of them"),
+        (lambda: Plane(name="floor", axis=(0, 0, 0)), "object 'floor': axis is zero; give a direction, such as (0, 1, 0)"),
+        (
+            lambda: Sphere(name="ball", radius=0.01, position=(0, 0, float("nan"))),
+            "object 'ball': position is (0, 0, nan); three finite numbers",
+        ),
+        (lambda: Sphere(name="ball", radius=0.01, friction=(0.1, 0.2)), "kinetic friction 0.2 is larger than static 0.1"),
+        (lambda: Plane(name="floor", mass=1.0, support=Free()), "a plane cannot be moved by what touches it"),
+    ],
+)
+def test_objects_that_cannot_be_are_refused(make, message):
+    with pytest.raises(OctoctrlError) as found:
+        make()
+    assert message in str(found.value)
