@@ -5,12 +5,12 @@ falls inside a cell acts with exactly the share of the cell that it covers, and 
 see the same activation. The formulas take the module they calculate with (`numpy`, or `casadi` when the planner differentiates them).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
 
-from .body.arm import MUSCLE_GROUPS
+from .body.layout import OCTOPUS_MUSCLES, MuscleLayout
 from .errors import OctoctrlError, check_choice, check_number
 
 COMPOSITIONS = ("override", "max", "add")
@@ -54,7 +54,7 @@ class Plateau:
     Attributes
     ----------
     groups : tuple of str
-        Muscle groups, of `MUSCLE_GROUPS`.
+        Names of muscle groups.
     level : float
         Activation on the plateau.
     onset, offset : float, s
@@ -100,7 +100,7 @@ class Wave:
     Attributes
     ----------
     groups : tuple of str
-        Muscle groups, of `MUSCLE_GROUPS`.
+        Names of muscle groups.
     level : float
         Activation behind the first front.
     speed : float, m/s
@@ -164,6 +164,8 @@ class Activation:
     composition : {"override", "max", "add"}
     on_saturation : {"error", "clip"}
         What to do where the composition exceeds 1.
+    layout : MuscleLayout
+        Of the arm that is activated: names and order of the groups.
 
     Raises
     ------
@@ -174,16 +176,20 @@ class Activation:
     templates: tuple[Template, ...] = ()
     composition: str = "override"
     on_saturation: str = "error"
+    layout: MuscleLayout = field(default=OCTOPUS_MUSCLES, repr=False)
 
     def __post_init__(self):
+        for template in self.templates:
+            for group in template.groups:
+                check_choice("muscle group", group, self.layout.names)
         check_choice("composition", self.composition, COMPOSITIONS)
         check_choice("on_saturation", self.on_saturation, ("error", "clip"))
 
     @property
     def groups(self):
-        """The muscle groups that are ever activated, in the order of `MUSCLE_GROUPS`."""
+        """The muscle groups that are ever activated, in the order of the layout."""
         used = {group for template in self.templates for group in template.groups}
-        return tuple(group for group in MUSCLE_GROUPS if group in used)
+        return tuple(group for group in self.layout.names if group in used)
 
     def compose(self, math, group, time, lower, upper, known=None):
         """Mean activation of `group` in the cells [lower, upper] at `time`, with the module `math`; not checked for saturation.
@@ -218,7 +224,7 @@ class Activation:
 
         Returns
         -------
-        (T, len(MUSCLE_GROUPS), n) float64
+        (T, groups, n) float64
 
         Raises
         ------
@@ -226,16 +232,16 @@ class Activation:
             If a level leaves [0, 1] and `on_saturation` is ``"error"``.
         """
         times, edges = np.asarray(times, dtype=float), np.asarray(edges, dtype=float)
-        levels, known = np.zeros((times.size, len(MUSCLE_GROUPS), edges.size - 1)), {}
+        levels, known = np.zeros((times.size, len(self.layout), edges.size - 1)), {}
         for group in self.groups:
-            levels[:, MUSCLE_GROUPS.index(group)] = self.compose(np, group, times[:, None], edges[:-1], edges[1:], known)
+            levels[:, self.layout.index(group)] = self.compose(np, group, times[:, None], edges[:-1], edges[1:], known)
         if levels.max(initial=0.0) > 1 + 1e-12 and self.on_saturation == "error":
             self._raise_saturated(levels, times, edges)
         return np.clip(levels, 0.0, 1.0, out=levels)
 
     def _raise_saturated(self, levels, times, edges):
         k, g, i = np.unravel_index(np.argmax(levels), levels.shape)
-        group, middle = MUSCLE_GROUPS[g], (edges[i] + edges[i + 1]) / 2
+        group, middle = self.layout.names[g], (edges[i] + edges[i + 1]) / 2
         parts = [
             f"{type(template).__name__} {float(np.squeeze(template.values(np, times[k], edges[i], edges[i + 1]))):.2f}"
             for template in self.templates
@@ -249,9 +255,7 @@ class Activation:
 
 def _check_template(template):
     if not template.groups:
-        raise OctoctrlError(f"{type(template).__name__}: no muscle groups given ({', '.join(MUSCLE_GROUPS)})")
-    for group in template.groups:
-        check_choice("muscle group", group, MUSCLE_GROUPS)
+        raise OctoctrlError(f"{type(template).__name__}: no muscle groups given ({', '.join(OCTOPUS_MUSCLES.names)})")
     if _is_number(template.level):
         check_number("level", template.level, at_least=0.0, at_most=1.0)
     if _is_number(template.onset):

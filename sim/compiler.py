@@ -83,7 +83,7 @@ class _Cache(FunctionCache):
         super().__init__(function)
         place = self._impl
         self._cache_file = _Index(self._cache_path, place.filename_base, place.locator.get_source_stamp())
-        self._settings = repr(sorted((name, sorted(value) if isinstance(value, set) else value) for name, value in settings.items()))
+        self._settings = _options(settings)
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         return sig, codegen.magic_tuple(), (self._settings, fingerprint(self._py_func))
@@ -132,8 +132,13 @@ def _digest(value: Any, known: dict[Any, str]) -> str:
         used = [cell.cell_contents for cell in function.__closure__ or () if cell != _EMPTY]
         used += [names[name] for name in code.co_names if name in names]
         parts = [code.co_code.hex(), str(code.co_names), *map(_constant, code.co_consts), *(_digest(item, known) for item in used)]
+        parts.append(_options(getattr(value, "targetoptions", {})))
         known[function] = hashlib.sha256("\n".join(parts).encode()).hexdigest()
     return known[function]
+
+
+def _options(settings: dict[str, Any]) -> str:
+    return repr(sorted((name, sorted(value) if isinstance(value, set) else value) for name, value in settings.items()))
 
 
 def _constant(value: Any) -> str:

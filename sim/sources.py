@@ -6,13 +6,13 @@ not read: every plant takes its levels from there.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .activation import raised_cosine
-from .body.arm import MUSCLE_GROUPS
+from .body.layout import OCTOPUS_MUSCLES, Family, MuscleLayout
 from .contracts import ActivationSource, Floats
 from .errors import OctoctrlError, check_number, suggest
 
@@ -26,10 +26,12 @@ class Held:
 
     Attributes
     ----------
-    held : (11,) or (11, n) float64
-        One level for each of `MUSCLE_GROUPS`, or one for each and every cell.
+    held : (groups,) or (groups, n) float64
+        One level for each muscle group, or one for each and every cell.
     edges : (n + 1,) float64, m
         Of those cells; cells of another partition get the mean of what they cover.
+    layout : MuscleLayout
+        Of the arm.
 
     Raises
     ------
@@ -39,31 +41,36 @@ class Held:
 
     held: Floats
     edges: Floats | None = None
+    layout: MuscleLayout = field(default=OCTOPUS_MUSCLES, repr=False)
 
     def __post_init__(self) -> None:
-        held = _as_levels("levels", self.held)
-        if held.shape == (len(MUSCLE_GROUPS), 1):
+        held, count = _as_levels("levels", self.held), len(self.layout)
+        if held.shape == (count, 1):
             held = held[:, 0]
         cells = None if self.edges is None else len(self.edges) - 1
-        if held.shape not in ((len(MUSCLE_GROUPS),), (len(MUSCLE_GROUPS), cells)):
-            wanted = "(11,)" if cells is None else f"(11,) or (11, {cells})"
+        if held.shape not in ((count,), (count, cells)):
+            wanted = f"({count},)" if cells is None else f"({count},) or ({count}, {cells})"
             without = "; levels by cell also need the edges of the cells" if cells is None and held.ndim == 2 else ""
             raise OctoctrlError(f"levels of shape {held.shape} are held; {wanted} is needed{without}")
         _check_range(held, "held")
         object.__setattr__(self, "held", held)
 
     @classmethod
-    def of(cls, answer: ArrayLike | Mapping[str, float | ArrayLike], edges: Floats, who: str = "levels") -> "Held":
+    def of(
+        cls, answer: ArrayLike | Mapping[str, float | ArrayLike], edges: Floats, who: str = "levels", layout: MuscleLayout = OCTOPUS_MUSCLES
+    ) -> "Held":
         """Make one from what a person or a controller gives.
 
         Parameters
         ----------
-        answer : (11,), (11, 1) or (11, n) array_like, or dict of str to float or (n,) array_like
+        answer : (groups,), (groups, 1) or (groups, n) array_like, or dict of str to float or (n,) array_like
             Of a dict, groups that are not named are not active.
         edges : (n + 1,) float64, m
             Cells that n counts.
         who : str
             Who gave it, for the message.
+        layout : MuscleLayout
+            Of the arm.
 
         Returns
         -------
@@ -74,28 +81,29 @@ class Held:
         OctoctrlError
             If it is none of these, names a group that is unknown, or a level is not in [0, 1].
         """
-        count, cells = len(MUSCLE_GROUPS), len(edges) - 1
+        names, count, cells = layout.names, len(layout), len(edges) - 1
         if isinstance(answer, Mapping):
             levels = np.zeros((count, cells))
             for group, level in answer.items():
-                if group not in MUSCLE_GROUPS:
-                    listed = ", ".join(MUSCLE_GROUPS)
-                    raise OctoctrlError(f"{who}: there is no muscle group '{group}'{suggest(str(group), MUSCLE_GROUPS)} ({listed})")
+                if group not in names:
+                    listed = ", ".join(names)
+                    raise OctoctrlError(f"{who}: there is no muscle group '{group}'{suggest(str(group), names)} ({listed})")
                 one = _as_levels(f"{who}: {group}", level)
                 if one.shape not in ((), (1,), (cells,)):
                     raise OctoctrlError(f"{who}: {group} has shape {one.shape}; one level or {cells}, one for each cell, are needed")
-                levels[MUSCLE_GROUPS.index(group)] = one
+                levels[names.index(group)] = one
         else:
             levels = _as_levels(who, answer)
             if levels.shape not in ((count,), (count, 1), (count, cells)):
                 raise OctoctrlError(
-                    f"{who}: shape {levels.shape}; (11,), (11, n) or a dict of group to level is needed, n = {cells} cells of the arm"
+                    f"{who}: shape {levels.shape}; ({count},), ({count}, n) or a dict of group to level is needed, "
+                    f"n = {cells} cells of the arm"
                 )
         _check_range(levels, who)
-        return cls(held=levels, edges=edges)
+        return cls(held=levels, edges=edges, layout=layout)
 
     def levels(self, times: Floats, edges: Floats) -> Floats:
-        """Levels (T, 11, m) at `times`, s, in the m cells between `edges`, m."""
+        """Levels (T, groups, m) at `times`, s, in the m cells between `edges`, m."""
         held = self.held
         if held.ndim == 1:
             held = np.broadcast_to(held[:, None], (len(held), len(edges) - 1))
@@ -117,9 +125,11 @@ class Corrected:
     clock : (float, float), s
         Readings of the activation's clock at the begin and at the end of the period; equal while a phase waits.
     groups : tuple of str
-        Which are corrected, of `MUSCLE_GROUPS`.
+        Which are corrected.
     before, after : (groups,) float64
         Corrections at the begin and at the end; what they lead to is kept within [0, 1].
+    layout : MuscleLayout
+        Of the arm.
     """
 
     activation: ActivationSource
@@ -129,14 +139,15 @@ class Corrected:
     groups: tuple[str, ...] = ()
     before: Floats | float = 0.0
     after: Floats | float = 0.0
+    layout: MuscleLayout = field(default=OCTOPUS_MUSCLES, repr=False)
 
     def levels(self, times: Floats, edges: Floats) -> Floats:
-        """Levels (T, 11, n) at the plant's `times`, s, in the n cells between `edges`, m."""
+        """Levels (T, groups, n) at the plant's `times`, s, in the n cells between `edges`, m."""
         share = (times - self.begin) / self.period
         levels = self.activation.levels(self.clock[0] + share * (self.clock[1] - self.clock[0]), edges)
         if self.groups:
             correction = self.before + np.clip(share, 0.0, 1.0)[:, None] * (np.asarray(self.after) - self.before)
-            levels[:, [MUSCLE_GROUPS.index(group) for group in self.groups]] += correction[:, :, None]
+            levels[:, [self.layout.index(group) for group in self.groups]] += correction[:, :, None]
             np.clip(levels, 0.0, 1.0, out=levels)
         return levels
 
@@ -151,6 +162,8 @@ class Strike:
         Time to full activation.
     steepness : float
         Power of the raised cosine.
+    layout : MuscleLayout
+        Of the arm.
 
     Raises
     ------
@@ -160,6 +173,7 @@ class Strike:
 
     rise: float = 0.038
     steepness: float = 15.0
+    layout: MuscleLayout = field(default=OCTOPUS_MUSCLES, repr=False)
 
     def __post_init__(self) -> None:
         check_number("rise", self.rise, above=0.0, unit="s")
@@ -167,13 +181,13 @@ class Strike:
 
     def levels(self, times: Floats, edges: Floats) -> Floats:
         """Levels (T, groups, n) of the muscle groups at `times`, s, in the cells between `edges`, m."""
-        levels = np.zeros((len(times), len(MUSCLE_GROUPS), len(edges) - 1))
+        levels = np.zeros((len(times), len(self.layout), len(edges) - 1))
         ramp = raised_cosine(np, np.asarray(times, dtype=float), 0.0, self.rise)
-        levels[:, MUSCLE_GROUPS.index("TM")] = ramp[:, None] ** self.steepness
+        levels[:, self.layout.families == Family.TRANSVERSE] = ramp[:, None, None] ** self.steepness
         return levels
 
 
-def sampled(source: ActivationSource, times: Floats, partitions: Mapping[str, Floats]) -> dict[str, Floats]:
+def sampled(source: ActivationSource, times: Floats, partitions: Mapping[str, Floats], layout: MuscleLayout) -> dict[str, Floats]:
     """Levels of a source at the samples, as compiled code may read them.
 
     Parameters
@@ -182,10 +196,12 @@ def sampled(source: ActivationSource, times: Floats, partitions: Mapping[str, Fl
     times : (T,) float64, s
     partitions : mapping of str to (n + 1,) float64, m
         Edges of the cells of each partition of the arm.
+    layout : MuscleLayout
+        Of the arm.
 
     Returns
     -------
-    dict of str to (T, 11, n) float64
+    dict of str to (T, groups, n) float64
         Contiguous in memory.
 
     Raises
@@ -202,7 +218,7 @@ def sampled(source: ActivationSource, times: Floats, partitions: Mapping[str, Fl
     found = {}
     for name, edges in partitions.items():
         levels = _as_levels(f"activation levels of {type(source).__name__}", ask(times, edges))
-        wanted = len(times), len(MUSCLE_GROUPS), len(edges) - 1
+        wanted = len(times), len(layout), len(edges) - 1
         if levels.shape != wanted:
             raise OctoctrlError(
                 f"{type(source).__name__}.levels gave shape {levels.shape} for {wanted[0]} instants, {wanted[1]} groups and the "

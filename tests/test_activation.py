@@ -163,7 +163,7 @@ def test_saturation_names_the_place_the_time_and_the_parts():
 
 
 @pytest.mark.parametrize("make, message", [
-    (lambda: Plateau(groups=("LM9",), level=0.1), "unknown muscle group 'LM9'; did you mean"),
+    (lambda: Activation(templates=(Plateau(groups=("LM9",), level=0.1),)), "unknown muscle group 'LM9'; did you mean"),
     (lambda: Plateau(groups=(), level=0.1), "no muscle groups given"),
     (lambda: Plateau(groups=("LM1",), level=1.2), "level=1.2 is outside 0…1"),
     (lambda: Plateau(groups=("LM1",), level=0.2, rise=0.0), "rise=0 s is outside > 0 s"),

@@ -169,3 +169,17 @@ def test_what_cannot_be_kept_is_said_once():
     assert done.stdout == "3\n"
     (line,) = done.stderr.splitlines()
     assert line.startswith("compiled code is not kept between runs") and "NUMBA_CACHE_DIR" in line
+
+
+def test_options_of_what_is_called_count():
+    def caller(**options):
+        @kernel(**options)
+        def inner(x):
+            return 2 * x
+
+        def outer(x):
+            return inner(x)
+
+        return fingerprint(outer)
+
+    assert caller(inline="never") == caller(inline="never") != caller(inline="always")

@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 
+from octoctrl.sim.body.layout import OCTOPUS_MUSCLES, MuscleLayout
 from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
 from octoctrl.sim.physics.fibre_kernels import law_constants
 from octoctrl.sim.rod.elastic import Rod, RodSimulation
@@ -280,18 +281,22 @@ def test_active_fibres_do_virtual_work(kind, choice):
         assert np.all(np.abs(found[k] - work) < 1e-8 * scale), (found[k], work)
 
 
-def test_passive_fibres_do_virtual_work():
+LAYOUTS = {"octopus": OCTOPUS_MUSCLES, "seven": MuscleLayout.evenly(7), "no oblique": MuscleLayout.evenly(6, oblique=False)}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_passive_fibres_do_virtual_work(layout):
     elements, elastic = 40, 2e-4
     buffer, rows, strains, rates, given = random_sections(elements)
-    _, straight, wound, *_ = section_kernels(stride_for(elements))
+    _, straight, wound, *_ = section_kernels(stride_for(elements), layout)
     straight(buffer, np.uint64(elements), CONSTANTS["longitudinal"], elastic)
     alone = rows[WORK, 1 : elements + 1].T.copy()
     wound(buffer, np.uint64(elements), WINDING, CONSTANTS["oblique"], CONSTANTS["transverse"], elastic)
     both = rows[WORK, 1 : elements + 1].T.copy()
     both[:, 0] -= DISSIPATION * rows[Row.STIFF, 1 : elements + 1] * rates[0]  # the brake; its bound STIFF is checked below
     fibres = {
-        "straight": [("cord", 0.0), *(("longitudinal", m * np.pi / 4) for m in range(8))],
-        "wound": [("oblique", WINDING), ("oblique", -WINDING), ("transverse", 0.0)],
+        "straight": [("cord", 0.0), *(("longitudinal", group.azimuth) for group in layout.longitudinal)],
+        "wound": [*(("oblique", group.hand * WINDING) for group in layout.oblique), ("transverse", 0.0)],
     }
     for found, kinds in ((alone, fibres["straight"]), (both - alone, fibres["wound"])):
         for k in range(elements):
@@ -319,7 +324,7 @@ def test_section_means_and_their_rates():
     sim, (x, v, q, w) = random_rod(elements, random)
     stride, count = stride_for(elements), np.uint64(elements)
     _, strain, curvature, curvature_rate, *_ = rod_kernels(stride)
-    measure, *_ = section_kernels(stride)
+    measure, *_ = section_kernels(stride, OCTOPUS_MUSCLES)
     strain(sim.buffer, count)
     curvature(sim.buffer, count)
     curvature_rate(sim.buffer, count)
@@ -390,7 +395,7 @@ def test_loops_over_elements_are_vector_instructions(name):
     names = ("drift", "strain", "curvature", "curvature_rate", "moment", "transport", "kick", "water")
     kernels = dict(zip(names, rod_kernels(stride), strict=True))
     kernels |= dict(zip(("longitudinal", "oblique", "transverse"), fibre_kernels(stride), strict=True))
-    kernels |= dict(zip(("measure", "straight", "wound", "apply"), section_kernels(stride)[:4], strict=True))
+    kernels |= dict(zip(("measure", "straight", "wound", "apply"), section_kernels(stride, OCTOPUS_MUSCLES)[:4], strict=True))
     law = CONSTANTS["longitudinal"]
     more = {
         "drift": (1e-4,),

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.plant import AssemblyPlant
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
+from octoctrl.sim.body.layout import OCTOPUS_MUSCLES
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.rod.plant import Plant
 from octoctrl.sim.sources import Corrected, Held, sampled
@@ -34,12 +35,12 @@ def test_every_partition_is_asked_once_with_its_own_cells():
             asked.append(len(edges) - 1)
             return np.zeros((len(times), 11, len(edges) - 1))
 
-    found = sampled(Source(), np.arange(3.0), PARTITIONS)
+    found = sampled(Source(), np.arange(3.0), PARTITIONS, OCTOPUS_MUSCLES)
     assert asked == [8, 15] and {name: levels.shape for name, levels in found.items()} == {"arm": (3, 11, 8), "oblique": (3, 11, 15)}
 
 
 def test_levels_come_as_compiled_code_reads_them():
-    found = sampled(Answers(lambda t, n: np.zeros((n, 11, t), dtype=np.float32).T), np.arange(3.0), PARTITIONS)
+    found = sampled(Answers(lambda t, n: np.zeros((n, 11, t), dtype=np.float32).T), np.arange(3.0), PARTITIONS, OCTOPUS_MUSCLES)
     assert all(levels.flags.c_contiguous and levels.dtype == np.float64 for levels in found.values())
 
 
@@ -68,7 +69,7 @@ BAD = [
 @pytest.mark.parametrize(("source", "message"), BAD, ids=range(len(BAD)))
 def test_anything_else_is_refused_in_a_sentence(source, message):
     with pytest.raises(OctoctrlError) as caught:
-        sampled(source, np.arange(3.0), PARTITIONS)
+        sampled(source, np.arange(3.0), PARTITIONS, OCTOPUS_MUSCLES)
     assert str(caught.value) == message
 
 

@@ -31,6 +31,7 @@ OLDEST_SCHEMA = 2
 
 _HOMES = {
     "octoctrl.sim.body.arm": ("Arm", "LumpedSection"),
+    "octoctrl.sim.body.layout": ("Family", "MuscleGroup", "MuscleLayout"),
     "octoctrl.sim.body.muscles": ("MuscleLaw",),
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
     "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),

@@ -66,7 +66,7 @@ def node_drag(arm, water, edges):
     weights = (widths + np.append(widths[1:], 0.0)) / 2 * water.factor
     (_, _, ring, oblique), (_, _, ring_inertia, oblique_inertia) = section.masses, section.polar_inertias
     linear = water.ring_rate * ring + water.oblique_rate * oblique
-    width = 8 * 2 * section.muscle_radius
+    width = section.muscle_count * 2 * section.muscle_radius
     quadratic = 0.5 * water.density * water.normal_coefficient * width
     rotational = water.ring_rate * ring_inertia + water.oblique_rate * oblique_inertia
     return NodeDrag(weights * linear, weights * quadratic, weights * rotational)

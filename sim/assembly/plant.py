@@ -10,7 +10,7 @@ from math import ceil, sqrt, tau
 import numpy as np
 
 from ..body.anatomy import PLAIN
-from ..body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
+from ..body.arm import Arm
 from ..errors import OctoctrlError, PlantUnstableError, check_count, check_number
 from ..rod.elastic import FINDINGS as ROD_FINDINGS
 from ..rod.plant import BUILDING, Observation, Plant
@@ -39,8 +39,8 @@ def _compiled(grid, inclination, published=False, traits=PLAIN):
 
 
 def _at_spokes(levels, spokes):
-    """Levels (T, spokes, n) of that many longitudinal muscles, linear in azimuth between those of the eight groups (T, 8, n)."""
-    groups = len(LONGITUDINAL_GROUPS)
+    """Levels (T, spokes, n) of that many longitudinal muscles, linear in azimuth between those of evenly spaced groups (T, groups, n)."""
+    groups = levels.shape[1]
     before, share = np.divmod(np.arange(spokes) * groups, spokes)
     share = share[:, None] / spokes
     return (1 - share) * levels[:, before] + share * levels[:, (before + 1) % groups]
@@ -192,8 +192,11 @@ class AssemblyPlant(Plant):
 
     def _levels(self, activation, samples):
         times = (self.samples + np.arange(samples + 1)) * self.sample_interval
-        levels = sampled(activation, times, {"arm": self.edges, "oblique": self.geometry.oblique_edges})
-        self._oblique_levels = np.ascontiguousarray(levels["oblique"][:, 8:10])
+        layout = self.arm.layout
+        levels = sampled(activation, times, {"arm": self.edges, "oblique": self.geometry.oblique_edges}, layout)
+        self._oblique_levels = np.zeros((samples + 1, 2, levels["oblique"].shape[2]))
+        for group in layout.oblique:
+            self._oblique_levels[:, 0 if group.hand > 0 else 1] = levels["oblique"][:, layout.index(group.name)]
         return levels["arm"]
 
     def _advance_samples(self, levels):
@@ -203,8 +206,10 @@ class AssemblyPlant(Plant):
         since = (self.samples + np.arange(samples + 1)) * self.sample_interval
         tone = self.resting_tone * np.minimum(since / TONE_RAMP, 1.0)
         longitudinal[:, 0] = tone[:, None]
-        longitudinal[:, 1:] = self._toned(_at_spokes(levels[:, : len(LONGITUDINAL_GROUPS)], self.grid.spokes), tone[:, None, None])
-        transverse = self._toned(levels[:, MUSCLE_GROUPS.index("TM")], tone[:, None])
+        layout = self.arm.layout
+        along = levels[:, layout.indices(layout.longitudinal)]
+        longitudinal[:, 1:] = self._toned(_at_spokes(along, self.grid.spokes), tone[:, None, None])
+        transverse = self._toned(levels[:, layout.index(layout.transverse.name)], tone[:, None])
         good = rods.state()
         with BUILDING:
             step, _ = _compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits)

@@ -18,16 +18,17 @@ from math import atan2, cos, degrees, pi, sin, sqrt, tau
 import numpy as np
 
 from ..errors import OctoctrlError, check_number
+from .layout import OCTOPUS_MUSCLES, MuscleLayout
 from .muscles import LONGITUDINAL, TRANSVERSE, MuscleLaw
 
-LONGITUDINAL_GROUPS = tuple(f"LM{number}" for number in range(1, 9))
-MUSCLE_GROUPS = (*LONGITUDINAL_GROUPS, "R-OM", "L-OM", "TM")
-"""The groups that can be activated, in the order of every array indexed by group."""
+MUSCLE_GROUPS = OCTOPUS_MUSCLES.names
+"""Names of the octopus arm's groups, in the order of every array indexed by group."""
+LONGITUDINAL_GROUPS = tuple(group.name for group in OCTOPUS_MUSCLES.longitudinal)
 
 
-def azimuth(group):
-    """Azimuth of a longitudinal muscle, rad, from +x (d2) towards +z (d1)."""
-    return (int(group[2:]) - 1) * pi / 4
+def azimuth(group: str) -> float:
+    """Azimuth of a longitudinal muscle of the octopus arm, rad, from +x (d2) towards +z (d1)."""
+    return OCTOPUS_MUSCLES[group].azimuth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,6 +171,8 @@ class Arm:
     def fingerprint(self):
         """Four hexadecimal digits that differ between arms that differ in any field but the name and the resolution."""
         content = {key: value for key, value in asdict(self).items() if key not in ("name", "elements", "grading")}
+        if self.layout != OCTOPUS_MUSCLES:
+            content["layout"] = self.layout
         return hashlib.sha256(repr(sorted(content.items())).encode()).hexdigest()[:4]
 
     @property
@@ -200,8 +203,13 @@ class Arm:
         Section
         """
         outline = 1 - (1 - 1 / self.taper) * np.asarray(arclength, dtype=float) / self.length
-        cord, muscle = touching_radii(self)
+        cord, muscle = touching_radii(self, len(self.layout.longitudinal))
         return Section(arm=self, cord_radius=cord * outline, muscle_radius=muscle * outline, outline=outline)
+
+    @property
+    def layout(self) -> MuscleLayout:
+        """The muscle groups, as a `MuscleLayout`; an arm with others overrides this."""
+        return OCTOPUS_MUSCLES
 
     @property
     def anatomy(self):
@@ -219,6 +227,11 @@ class Section:
     cord_radius: np.ndarray
     muscle_radius: np.ndarray
     outline: np.ndarray
+
+    @property
+    def muscle_count(self) -> int:
+        """Number of longitudinal muscles."""
+        return len(self.arm.layout.longitudinal)
 
     @property
     def muscle_offset(self):
@@ -263,14 +276,14 @@ class Section:
 
     @property
     def masses(self):
-        """Mass per unit length, kg/m: nerve cord, eight longitudinal, transverse, both oblique families."""
+        """Mass per unit length, kg/m: nerve cord, all longitudinal muscles, transverse, all oblique families."""
         cord, muscle, ring, oblique = self.areas
         densities = self.arm.densities
         return (
             densities[0] * cord,
-            densities[1] * 8 * muscle,
+            densities[1] * self.muscle_count * muscle,
             densities[2] * ring,
-            densities[3] * 2 * oblique * self.oblique_stretch,
+            densities[3] * len(self.arm.layout.oblique) * oblique * self.oblique_stretch,
         )
 
     @property
@@ -287,18 +300,23 @@ class Section:
     @property
     def bending_stiffness(self):
         """Bending stiffness of the straight rods about their own axes, N m^2."""
-        return self.arm.youngs_modulus * pi / 4 * (self.cord_radius**4 + 8 * self.muscle_radius**4)
+        return self.arm.youngs_modulus * pi / 4 * (self.cord_radius**4 + self.muscle_count * self.muscle_radius**4)
 
     @property
     def twist_stiffness(self):
         """Torsional stiffness of the straight rods about their own axes, N m^2."""
-        return self.arm.shear_modulus * pi / 2 * (self.cord_radius**4 + 8 * self.muscle_radius**4) * self.arm.lumped.torsion
+        return self.arm.shear_modulus * pi / 2 * (self.cord_radius**4 + self.muscle_count * self.muscle_radius**4) * self.arm.lumped.torsion
 
     @property
     def shear_stiffness(self):
         """Shear stiffness 4/3 G A of everything that runs along the arm, N: cord, longitudinal and oblique fibres, but not the rings."""
         cord, muscle, _, oblique = self.areas
-        return 4 / 3 * self.arm.shear_modulus * (cord + 8 * muscle + 2 * oblique * self.oblique_stretch)
+        return (
+            4
+            / 3
+            * self.arm.shear_modulus
+            * (cord + self.muscle_count * muscle + len(self.arm.layout.oblique) * oblique * self.oblique_stretch)
+        )
 
 
 def touching_radii(arm, muscles=8):

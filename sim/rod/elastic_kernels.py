@@ -230,3 +230,34 @@ def rod_kernels(stride, constant_section=False):
             b[V3 + k] = v3 - normal * h3 - tangent * g3
 
     return drift, strain, curvature, curvature_rate, moment, transport, kick, water
+
+
+def frame_kernel(stride):
+    """Compile ``straighten(buffer, n)``, which takes every element's frame to the nearest orthonormal one.
+
+    One Newton step of the polar decomposition (Higham 1986, SIAM J. Sci. Stat. Comput. 7:1160): Q <- (3 I - Q Q^T) Q / 2. Turned by less
+    than 1e-8 rad in a step, a frame loses what falls below the last digit of its numbers, always on the same side: after some 1e5 steps
+    that is seen, and no more accurate series could help.
+    """
+    o = offsets(stride)
+    Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+
+    @kernel
+    def straighten(b, n):
+        for k in range(ONE, n + ONE):
+            a1, a2, a3 = b[Q11 + k], b[Q12 + k], b[Q13 + k]
+            c1, c2, c3 = b[Q21 + k], b[Q22 + k], b[Q23 + k]
+            d1, d2, d3 = b[Q31 + k], b[Q32 + k], b[Q33 + k]
+            aa, cc, dd = a1 * a1 + a2 * a2 + a3 * a3 - 1, c1 * c1 + c2 * c2 + c3 * c3 - 1, d1 * d1 + d2 * d2 + d3 * d3 - 1
+            ac, ad, cd = a1 * c1 + a2 * c2 + a3 * c3, a1 * d1 + a2 * d2 + a3 * d3, c1 * d1 + c2 * d2 + c3 * d3
+            b[Q11 + k] = a1 - 0.5 * (aa * a1 + ac * c1 + ad * d1)
+            b[Q12 + k] = a2 - 0.5 * (aa * a2 + ac * c2 + ad * d2)
+            b[Q13 + k] = a3 - 0.5 * (aa * a3 + ac * c3 + ad * d3)
+            b[Q21 + k] = c1 - 0.5 * (ac * a1 + cc * c1 + cd * d1)
+            b[Q22 + k] = c2 - 0.5 * (ac * a2 + cc * c2 + cd * d2)
+            b[Q23 + k] = c3 - 0.5 * (ac * a3 + cc * c3 + cd * d3)
+            b[Q31 + k] = d1 - 0.5 * (ad * a1 + cd * c1 + dd * d1)
+            b[Q32 + k] = d2 - 0.5 * (ad * a2 + cd * c2 + dd * d2)
+            b[Q33 + k] = d3 - 0.5 * (ad * a3 + cd * c3 + dd * d3)
+
+    return straighten

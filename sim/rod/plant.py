@@ -5,14 +5,14 @@ Model ``"rod"``: one Cosserat rod of the arm's outline, whose muscle fibres act 
 
 from dataclasses import dataclass, replace
 from functools import cache
-from math import ceil, cos, sin, tau
+from math import ceil, tau
 from pathlib import Path
 from threading import Lock
 
 import numpy as np
 
 from ..body.anatomy import OCTOPUS
-from ..body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, azimuth
+from ..body.arm import Arm
 from ..errors import OctoctrlError, PlantUnstableError, check_choice, check_count, check_number
 from ..rotations import rotation_matrix, rotation_vector
 from ..running.clock import StepLimit, choose_step
@@ -70,10 +70,10 @@ class Observation:
 
 
 @cache
-def _muscular_advance(stride):
+def _muscular_advance(stride, layout):
     from .stepping import muscular_stepper
 
-    return muscular_stepper(stride)
+    return muscular_stepper(stride, layout)
 
 
 class Plant:
@@ -126,7 +126,6 @@ class Plant:
         self.stations = np.concatenate([[0.0], (self.edges[1:] + self.edges[:-1]) / 2, [self.arm.length]])
         self.buffer, self.rows = new_buffer(self.elements)
         self._fill_parameters()
-        self._directions = np.array([[sin(azimuth(group)), cos(azimuth(group))] for group in LONGITUDINAL_GROUPS])
         self.reset()
         self.limit = self._limit_at_rest()
         self.steps = max(1, ceil(sample_interval / choose_step(dt, self.limit, LARGEST_STEP) - 1e-9))
@@ -164,7 +163,7 @@ class Plant:
 
         Parameters
         ----------
-        levels : (11, n) float64, optional
+        levels : (groups, n) float64, optional
             Activation; none if omitted.
 
         Returns
@@ -172,7 +171,7 @@ class Plant:
         StepLimit
         """
         n = self.elements
-        levels = np.zeros((len(MUSCLE_GROUPS), n)) if levels is None else np.asarray(levels, dtype=float)
+        levels = np.zeros((len(self.arm.layout), n)) if levels is None else np.asarray(levels, dtype=float)
         both, before = np.stack([levels, levels]), getattr(self, "h", None)
         scratch = np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))
         found = predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, both, *scratch))
@@ -215,7 +214,7 @@ class Plant:
         force_rate = node_masses(rates @ np.array(section.masses) * length) / self.node_mass
         spin_rate = rates @ np.array(section.polar_inertias) / sum(section.polar_inertias)
         set_damping(rows, n, self.h, force_rate, spin_rate, spin_rate, fixed="clamped", masses=self.node_mass)
-        width = 8 * section.muscle_radius * length * water.density * water.factor
+        width = section.muscle_count * section.muscle_radius * length * water.density * water.factor
         rows[Row.DRAG_NORMAL, 1 : n + 2] = node_masses(width) * water.normal_coefficient
         rows[Row.DRAG_TANGENT, 1 : n + 2] = node_masses(width) * water.tangential_coefficient * tau / 2
 
@@ -261,7 +260,7 @@ class Plant:
         Parameters
         ----------
         activation : Activation, or any object with ``levels(times, edges)``
-            Levels (T, 11, n) of the groups of `octoctrl.sim.body.arm.MUSCLE_GROUPS`, in the plant's own time.
+            Levels (T, groups, n) of the groups of the arm's layout, in the plant's own time.
         duration : float, s
             A multiple of `sample_interval`.
         progress : callable, optional
@@ -306,20 +305,20 @@ class Plant:
 
     def _levels(self, activation, samples):
         times = (self.samples + np.arange(samples + 1)) * self.sample_interval
-        return sampled(activation, times, {"arm": self.edges})["arm"]
+        return sampled(activation, times, {"arm": self.edges}, self.arm.layout)["arm"]
 
     @staticmethod
     def _active(levels):
-        """Which groups pull in each sample (samples, 11); the others' active laws are left out, which changes no bit."""
+        """Which groups pull in each sample (samples, groups); the others' active laws are left out, which changes no bit."""
         pulls = levels @ np.ones(levels.shape[2]) > 0
         return pulls[1:] | pulls[:-1]
 
     def _step(self, h, steps, levels, points, frames, stretch):
         """The compiled loop: `steps` of h in each sample -> samples done, finding, element."""
         with BUILDING:
-            step = _muscular_advance(stride_for(self.elements))
+            step = _muscular_advance(stride_for(self.elements), self.arm.layout)
         count, active = np.uint64(self.elements), self._active(levels)
-        return step(self.buffer, count, h, steps, levels, active, self._directions, self._scalars, points, frames, stretch)
+        return step(self.buffer, count, h, steps, levels, active, self._scalars, points, frames, stretch)
 
     def _advance_samples(self, levels):
         good, first, pieces = self.rows[:STATE_ROWS].copy(), self.samples, []

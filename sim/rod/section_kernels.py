@@ -111,8 +111,70 @@ def fibre_kernels(stride):
     return longitudinal, oblique, transverse
 
 
-def section_kernels(stride):
-    """Compile what surrounds the fibres: section strains before, moments, forces and the implicit correction after.
+def _around(places):
+    """Compile the sum over longitudinal fibres at the `places` (sine, cosine), unrolled: one kernel per fibre, each calling the next.
+
+    ``(e, y, r1, r2, shrink, law)`` gives tension over length per area, its products with x, with x along d1 and along d2, and the bounds of
+    the squares of dl/dk and dl/de.
+    """
+    if not places:
+        return _no_fibre
+    before, (sine, cosine) = _around(places[:-1]), places[-1]
+
+    @kernel(inline="always")
+    def sums(e, y, r1, r2, shrink, law):
+        pull, along, bend1, bend2, turn, stiff = before(e, y, r1, r2, shrink, law)
+        bend = cosine * r1 - sine * r2
+        x = e + bend
+        square = x * x + y * y
+        inverse = 1 / np.sqrt(square)
+        x0 = (x + shrink * (x * bend + y * y)) * inverse
+        tension = passive_stress(law, square * inverse) * inverse * inverse
+        push = tension * x
+        return pull + tension, along + push, bend1 + cosine * push, bend2 + sine * push, turn + inverse, stiff + x0 * x0 * inverse
+
+    return sums
+
+
+@kernel(inline="always")
+def _no_fibre(e, y, r1, r2, shrink, law):
+    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+def _coils(hands):
+    """Compile the sum over the oblique families of the given `hands`, in the same way.
+
+    ``(e, shrink, rho, twist, winding, rest, law)`` gives the work on stretch and on twist per area, and the bounds of both squares.
+    """
+    if not hands:
+        return _no_coil
+    before, hand = _coils(hands[:-1]), float(hands[-1])
+
+    @kernel(inline="always")
+    def sums(e, shrink, rho, twist, winding, rest, law):
+        tension, moment, stiff, stiff_turn = before(e, shrink, rho, twist, winding, rest, law)
+        turn = rho * (hand * winding + twist)
+        square = e * e + turn * turn
+        inverse = 1 / np.sqrt(square)
+        l0, l3 = (e + turn * turn * shrink) * inverse, turn * rho * inverse
+        pull = rest * inverse * passive_stress(law, square * inverse / rest)
+        return tension + pull * l0, moment + pull * l3, stiff + inverse * l0 * l0, stiff_turn + inverse * l3 * l3
+
+    return sums
+
+
+@kernel(inline="always")
+def _no_coil(e, shrink, rho, twist, winding, rest, law):
+    return 0.0, 0.0, 0.0, 0.0
+
+
+def section_kernels(stride, layout):
+    """Compile what surrounds the active fibres: section strains before, moments, forces and the implicit correction after.
+
+    Parameters
+    ----------
+    stride : int
+    layout : MuscleLayout
 
     Returns
     -------
@@ -141,21 +203,6 @@ def section_kernels(stride):
     IMPULSE, IMPULSE1, IMPULSE2, IMPULSE3 = (o[k] for k in ("IMPULSE", "IMPULSE1", "IMPULSE2", "IMPULSE3"))
 
     @kernel
-    def pair(e, y, bend, shrink, law):
-        # Two longitudinal fibres on opposite sides: tension over length per area and its product with x, and the squares of dl/de.
-        x = e + bend
-        square = x * x + y * y
-        inverse = 1 / np.sqrt(square)
-        x0 = (x + shrink * (x * bend + y * y)) * inverse
-        pull, stiff = passive_stress(law, square * inverse) * inverse * inverse, x0 * x0 * inverse
-        u = e - bend
-        square = u * u + y * y
-        other = 1 / np.sqrt(square)
-        x0 = (u + shrink * (y * y - u * bend)) * other
-        push = passive_stress(law, square * other) * other * other
-        return pull + push, pull * x + push * u, pull * x - push * u, inverse + other, stiff + x0 * x0 * other
-
-    @kernel
     def measure(b, n, nu):
         # Beyond its centre the last element is straight. What its fibres see must be what their moment works on, half of the last joint:
         # were it the whole, their viscosity would feed a flutter of the tip.
@@ -178,23 +225,16 @@ def section_kernels(stride):
             b[RADIUS + k] = 1 + x * (1 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x * (1 / 5040)))))))
             b[SHRINK + k] = -nu / e
 
+    around, coils = _around(tuple(group.place for group in layout.longitudinal)), _coils(tuple(group.hand for group in layout.oblique))
+
     @kernel
     def straight(b, n, law, elastic):
         # Nerve cord and longitudinal fibres without activation: they start the sums.
-        half = np.sqrt(0.5)
         for k in range(ONE, n + ONE):
             e, shrink = b[STRETCH + k], b[SHRINK + k]
             rho = b[OFFSET + k] * b[RADIUS + k]
             r1, r2, y = b[MEAN1 + k] * rho, b[MEAN2 + k] * rho, b[MEAN3 + k] * rho
-            pull, along, bend1, turn, stiff = pair(e, y, r1, shrink, law)
-            more, along_more, slope, turn_more, stiff_more = pair(e, y, -r2, shrink, law)
-            pull, along, bend2, turn, stiff = pull + more, along + along_more, slope, turn + turn_more, stiff + stiff_more
-            more, along_more, slope, turn_more, stiff_more = pair(e, y, half * (r1 - r2), shrink, law)
-            pull, along, turn, stiff = pull + more, along + along_more, turn + turn_more, stiff + stiff_more
-            bend1, bend2 = bend1 + half * slope, bend2 + half * slope
-            more, along_more, slope, turn_more, stiff_more = pair(e, y, -half * (r1 + r2), shrink, law)
-            pull, along, turn, stiff = pull + more, along + along_more, turn + turn_more, stiff + stiff_more
-            bend1, bend2 = bend1 - half * slope, bend2 + half * slope
+            pull, along, bend1, bend2, turn, stiff = around(e, y, r1, r2, shrink, law)
             area = b[LONGITUDINAL_AREA + k]
             moment1, moment2, moment3 = area * rho * bend1, -area * rho * bend2, area * rho * y * pull
             b[MOMENT1 + k], b[MOMENT2 + k], b[MOMENT3 + k] = moment1, moment2, moment3
@@ -206,28 +246,16 @@ def section_kernels(stride):
 
     @kernel
     def wound(b, n, winding, law, transverse, elastic):
-        # Both oblique families and the rings, without activation.
+        # The oblique families and the rings, without activation.
         for k in range(ONE, n + ONE):
             lam, e, shrink = b[RADIUS + k], b[STRETCH + k], b[SHRINK + k]
-            rho, rest = b[HELIX + k] * lam, b[OBLIQUE_REST + k]
-            unrest = 1 / rest
-            turn = rho * (winding + b[MEAN3 + k])
-            square = e * e + turn * turn
-            inverse = 1 / np.sqrt(square)
-            l0, l3 = (e + turn * turn * shrink) * inverse, turn * rho * inverse
-            pull = rest * inverse * passive_stress(law, square * inverse * unrest)
-            tension, moment, stiff, stiff_turn = pull * l0, pull * l3, inverse * l0 * l0, inverse * l3 * l3
-            turn = rho * (b[MEAN3 + k] - winding)
-            square = e * e + turn * turn
-            inverse = 1 / np.sqrt(square)
-            l0, l3 = (e + turn * turn * shrink) * inverse, turn * rho * inverse
-            pull = rest * inverse * passive_stress(law, square * inverse * unrest)
+            tension, moment, stiff, stiff_turn = coils(e, shrink, b[HELIX + k] * lam, b[MEAN3 + k], winding, b[OBLIQUE_REST + k], law)
             area = b[OBLIQUE_AREA + k]
             ring = b[RING_AREA + k] * shrink
-            b[TENSION + k] += area * (tension + pull * l0) + ring * passive_stress(transverse, lam)
-            b[MOMENT3 + k] += area * (moment + pull * l3)
-            b[STIFF + k] += elastic * (law.tangent * area * (stiff + inverse * l0 * l0) + transverse.tangent * ring * lam * shrink)
-            b[STIFF_TURN + k] += elastic * law.tangent * area * (stiff_turn + inverse * l3 * l3)
+            b[TENSION + k] += area * tension + ring * passive_stress(transverse, lam)
+            b[MOMENT3 + k] += area * moment
+            b[STIFF + k] += elastic * (law.tangent * area * stiff + transverse.tangent * ring * lam * shrink)
+            b[STIFF_TURN + k] += elastic * law.tangent * area * stiff_turn
             b[TENSION + k] += DISSIPATION * b[STIFF + k] * b[RATE + k]
 
     @kernel

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..body.layout import Family
 from ..compiler import kernel
 from ..physics.fibre_kernels import LawConstants
-from .elastic_kernels import rod_kernels
+from .elastic_kernels import frame_kernel, rod_kernels
 from .layout import offsets
 from .section_kernels import fibre_kernels, section_kernels
 
@@ -27,7 +28,7 @@ SHEAR_LIMIT = 0.5
 """Smallest cosine between an element's d3 and its tangent. Arms that move sensibly stay above 0.65; below it a section folds over and can
 stay so, for shear is linear: an element that is turned inside out would be a second state of rest."""
 ORTHONORMAL_LIMIT = 5e-11
-"""The series of a step's rotation leaves this error when an element turns by a radian in one step; ten million quiet steps leave 1e-12."""
+"""The series of a step's rotation leaves this error when an element turns by a radian in one step."""
 
 
 class MuscleScalars(NamedTuple):
@@ -49,6 +50,7 @@ def _closing_kernel(stride):
     Q = tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     K1, K2, K3, BEND1 = o["K1"], o["K2"], o["K3"], o["BEND1"]
     T, Q3 = (o["T1"], o["T2"], o["T3"]), Q[6:]
+    straighten = frame_kernel(stride)
 
     @kernel
     def guard(b, n):
@@ -74,6 +76,7 @@ def _closing_kernel(stride):
         finding, element = guard(b, n)
         if finding != FINE:
             return finding, element
+        straighten(b, n)
         for k in range(ONE, n + ONE + ONE):
             points[k - ONE, 0], points[k - ONE, 1], points[k - ONE, 2] = b[X1 + k], b[X2 + k], b[X3 + k]
         for k in range(ONE, n + ONE):
@@ -124,21 +127,29 @@ def elastic_stepper(stride, constant_section):
     return advance
 
 
-def muscular_stepper(stride):
+def muscular_stepper(stride, layout):
     """Compile the loop of a rod with muscle fibres.
+
+    Parameters
+    ----------
+    stride : int
+        Of the buffer.
+    layout : MuscleLayout
 
     Returns
     -------
     advance : compiled function
-        ``advance(buffer, n, h, steps, levels, active, directions, scalars, points, directors, stretch)``: as for the elastic rod, with
-        `levels` (samples + 1, 11, n), linear in time between samples, `active` (samples, 11) bool, which groups differ from zero in each
-        (others are left out, which changes no bit), and `directions` (8, 2), sine and cosine of the longitudinal azimuths.
+        ``advance(buffer, n, h, steps, levels, active, scalars, points, directors, stretch)``: as for the elastic rod, with
+        `levels` (samples + 1, groups, n), linear in time between samples, and `active` (samples, groups) bool, which groups differ from
+        zero in each (others are left out, which changes no bit).
     """
     drift, strain, curvature, curvature_rate, moment, transport, kick, water = rod_kernels(stride)
-    measure, straight, wound, apply, remember, brake, relax = section_kernels(stride)
+    measure, straight, wound, apply, remember, brake, relax = section_kernels(stride, layout)
     longitudinal, oblique, transverse = fibre_kernels(stride)
     close = _closing_kernel(stride)
     LEVEL = offsets(stride)["LEVEL"]
+    families, places = layout.families, layout.places
+    groups, along, across = len(layout), int(Family.LONGITUDINAL), int(Family.TRANSVERSE)
 
     @kernel
     def set_level(b, n, before, after, share):
@@ -146,7 +157,7 @@ def muscular_stepper(stride):
             b[LEVEL + k] = (1 - share) * before[k - ONE] + share * after[k - ONE]
 
     @kernel
-    def advance(b, n, h, steps, levels, active, directions, scalars, points, directors, stretch):
+    def advance(b, n, h, steps, levels, active, scalars, points, directors, stretch):
         nu, elastic = scalars.hoop_ratio, scalars.elastic
         for sample in range(points.shape[0]):
             drift(b, n, 0.5 * h)
@@ -160,15 +171,15 @@ def muscular_stepper(stride):
                 measure(b, n, nu)
                 straight(b, n, scalars.longitudinal, elastic)
                 wound(b, n, scalars.winding, scalars.oblique, scalars.transverse, elastic)
-                for group in range(11):
+                for group in range(groups):
                     if active[sample, group]:
                         set_level(b, n, before[group], after[group], share)
-                        if group < 8:
-                            longitudinal(b, n, directions[group, 0], directions[group, 1], scalars.longitudinal)
-                        elif group < 10:
-                            oblique(b, n, scalars.winding if group == 8 else -scalars.winding, scalars.oblique)
-                        else:
+                        if families[group] == along:
+                            longitudinal(b, n, places[group, 0], places[group, 1], scalars.longitudinal)
+                        elif families[group] == across:
                             transverse(b, n, scalars.transverse)
+                        else:
+                            oblique(b, n, places[group, 0] * scalars.winding, scalars.oblique)
                 apply(b, n)
                 transport(b, n)
                 if scalars.wet:
