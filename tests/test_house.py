@@ -14,14 +14,15 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = {"octoctrl": "octoctrl", "octoctrl.sim": "sim", "octoctrl.planners": "planners"}
 MODULES = sorted(path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py") if not path.parent.is_symlink())
 
-SIM_GROUND = {"errors", "compiler", "rotations", "contracts"}
-VOCABULARY = {"errors", "body", "scene", "activation", "topology", "running.recording"}
+SIM_GROUND = {"errors", "compiler", "records", "rotations", "contracts"}
+VOCABULARY = {"errors", "records", "body", "scene", "activation", "topology", "running.recording"}
 """What the planners know of `sim`: never a plant, never a kernel."""
 ROOMS = {
     # Room or module of a folder, and what it may import of that folder.
     "sim": {
         "errors": set(),
         "compiler": set(),
+        "records": set(),
         "rotations": set(),
         "contracts": set(),
         "body": SIM_GROUND,

@@ -6,6 +6,7 @@ from math import isfinite
 
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.records import Record
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.topology.trace import TopologyTrace
 
@@ -41,8 +42,8 @@ class Event:
     met: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Execution:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Execution(Record):
     """A plan carried out on the plant.
 
     Attributes

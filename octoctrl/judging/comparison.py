@@ -7,6 +7,7 @@ import numpy as np
 
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.records import Record
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..carrying.results import Execution, ExecutionStatus
@@ -19,8 +20,8 @@ LEAST_STEP = 0.2
 """Change of a quantity over a phase, turns, from which on its passing is an event that is timed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Comparison(Record):
     """A plan and its execution, at the same times.
 
     Attributes

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
+from octoctrl.sim.records import Record
 from octoctrl.sim.running.recording import Recording
 
 from ..carrying.results import Execution
@@ -22,8 +23,8 @@ RESTING = 1e-3
 """Largest level of a muscle group that counts as not taking part."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Motion(Record):
     """A run at F instants and M places that are evenly spaced in rest arclength.
 
     Attributes

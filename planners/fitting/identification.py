@@ -23,6 +23,7 @@ import numpy as np
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_number
+from octoctrl.sim.records import Record
 from octoctrl.sim.scene.scene import Scene
 
 from ..model.kinematics import element_lengths, rotation_vectors, section_bounds
@@ -108,8 +109,8 @@ class ValidityRegion:
         return tuple(found)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifiedModel:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class IdentifiedModel(Record):
     """A reduced model with identified factors, and how well they are known.
 
     Attributes

@@ -11,6 +11,7 @@ import numpy as np
 
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
+from octoctrl.sim.records import Record
 from octoctrl.sim.scene.scene import Scene
 
 from .kinematics import StrainFit, element_points, element_stations, hat_means, integrate_frames, section_bounds
@@ -23,8 +24,8 @@ OUTPUTS = ("twist", "lifted_writhe", "lifted_link", "length", "tip1", "tip2", "t
 """Order of the outputs in `ReducedModel.output_slopes`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReducedMotion:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class ReducedMotion(Record):
     """Simulated motion, T instants.
 
     Attributes

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.records import Record
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.topology.trace import TopologyTrace
 
@@ -89,8 +90,8 @@ class PlanReport:
         return max(self.goals, key=lambda goal: goal.share, default=None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Plan(Record):
     """Result of planning.
 
     Attributes

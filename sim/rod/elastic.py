@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import OctoctrlError, PlantUnstableError, check_choice, check_number
 from ..physics.damping import damped
+from ..records import Record
 from ..rotations import rotation_vector
 from ..running.clock import choose_step
 from .layout import STATE_ROWS, Row, new_buffer, stride_for
@@ -28,8 +29,8 @@ SUPPORTS = ("free", "clamped", "element")
 SECTIONS = ("incompressible", "constant")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rod:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Rod(Record):
     """Geometry and material of a rod with n elements.
 
     Attributes

@@ -14,6 +14,7 @@ import numpy as np
 from ..body.anatomy import OCTOPUS
 from ..body.arm import Arm
 from ..errors import OctoctrlError, PlantUnstableError, check_choice, check_count, check_number
+from ..records import Record
 from ..rotations import rotation_matrix, rotation_vector
 from ..running.clock import StepLimit, choose_step
 from ..running.recording import Recording
@@ -47,8 +48,8 @@ BUILDING = Lock()
 """Held while compiled code is put together, so that plants in several threads share it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Observation:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Observation(Record):
     """What a controller may see at one instant.
 
     Attributes

@@ -12,6 +12,7 @@ from time import perf_counter
 
 from ..activation import Activation
 from ..errors import OctoctrlError, PlantUnstableError, check_number
+from ..records import Record
 from .recording import Recording
 
 
@@ -42,8 +43,8 @@ class BatchFailure:
         return f"arm {self.index} at t={self.time:.3f} s: element {self.element} of the {self.rod} {self.mechanism}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BatchResult:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class BatchResult(Record):
     """What a batch leaves behind.
 
     Attributes

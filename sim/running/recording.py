@@ -6,10 +6,11 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import OctoctrlError
+from ..records import Record
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Recording(Record):
     """Recorded motion of a plant, T instants, n elements.
 
     Attributes

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from ..errors import OctoctrlError, check_choice, check_number
+from ..records import Record
 
 UTURN_LIMIT = 0.15
 """Below this value of 1 + t_tip . t_base the two end rays nearly coincide and writhe is decided by noise."""
@@ -98,8 +99,8 @@ def frame_series(frames):
     return series, array.ndim == 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TopologyTrace:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class TopologyTrace(Record):
     """Link, writhe and twist of an arm over time, in turns.
 
     Parameters
