@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from .judging.comparison import compare
     from .judging.verification import verify
     from .pictures.plots import plot
+    from .pictures.report import report
 
 _HOMES = {
     "octoctrl.planners.solving.plan": ("Plan",),
@@ -68,6 +69,7 @@ _HOMES = {
     "octoctrl.carrying.planning": ("plan",),
     "octoctrl.sim.plants": ("make_plant",),
     "octoctrl.pictures.plots": ("plot",),
+    "octoctrl.pictures.report": ("report",),
     "octoctrl.carrying.results": ("Execution", "Verdict"),
     "octoctrl.files.store": ("load", "save"),
     "octoctrl.judging.verification": ("verify",),
@@ -105,6 +107,7 @@ __all__ = [
     "make_plant",
     "plan",
     "plot",
+    "report",
     "save",
     "simulate_batch",
     "tasks",

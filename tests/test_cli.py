@@ -138,7 +138,7 @@ def test_every_command_stands_in_a_family_and_says_what_it_does(capsys):
     from octoctrl.cli.application import FAMILIES
 
     names = [command.__name__ for commands in FAMILIES.values() for command in commands]
-    assert len(names) == len(set(names)) == 11
+    assert len(names) == len(set(names)) == 12
     assert main(["--help"]) == 0
     out = capsys.readouterr().out
     assert all(family in out for family in FAMILIES) and all(f" {name} " in out for name in names)

@@ -203,3 +203,16 @@ def test_without_webgl_a_still_picture_is_shown(browser, coil_run, tmp_path):
     tab.wait_for_selector("body[data-ready]", state="attached", timeout=30000)
     assert tab.locator(".view img").is_visible() and not tab.locator("canvas.arm").is_visible()
     assert tab.evaluate("() => document.querySelector('.view img').naturalWidth") > 500
+
+
+def test_the_command_writes_one_page_of_several_runs(coil_run, tmp_path, capsys):
+    from octoctrl.cli.application import main
+    from octoctrl.files.store import save
+
+    save(tmp_path / "run.npz", coil_run)
+    target = tmp_path / "both.html"
+    assert main(["report", str(tmp_path / "run.npz"), str(tmp_path / "run.npz"), "-o", str(target)]) == 0
+    assert capsys.readouterr().err == f"wrote {target}\n"
+    assert target.read_text(encoding="utf-8") == page([coil_run, coil_run])
+    assert main(["report", str(tmp_path / "run.npz"), "-o", str(target)]) == 2
+    assert "exists" in capsys.readouterr().err

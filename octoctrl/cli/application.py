@@ -21,7 +21,7 @@ from .output import say
 FAMILIES = {
     "Plan": (planning.tasks, planning.plan, planning.identify),
     "Run": (running.run, running.demo),
-    "Judge": (judging.verify, judging.compare),
+    "Judge": (judging.verify, judging.compare, judging.report),
     "Measure": (measuring.bench, measuring.stability),
     "Installation": (installation.doctor, installation.warmup),
 }

@@ -1,4 +1,4 @@
-"""Commands that look at a run: the verdict, and planned against simulated."""
+"""Commands that look at a run: the verdict, planned against simulated, and the page that shows all of it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +7,8 @@ import typer
 
 from .codes import ExitCode, code_of_verdict
 from .options import AsJson, Overwrite, RunFile
-from .output import report, say, verdict_content
+from .output import report as print_result
+from .output import say, verdict_content
 
 
 def verify(run_file: RunFile, as_json: AsJson = False) -> ExitCode:
@@ -16,7 +17,7 @@ def verify(run_file: RunFile, as_json: AsJson = False) -> ExitCode:
     from ..judging.verification import verify as check
 
     verdict = check(load(run_file, expect="Execution"))
-    report(verdict, verdict_content(verdict), as_json)
+    print_result(verdict, verdict_content(verdict), as_json)
     return code_of_verdict(verdict)
 
 
@@ -38,5 +39,21 @@ def compare(
 
         plot(execution, picture, overwrite=force, overlap=overlap)
         say(f"wrote {picture}")
-    report(comparison, {"errors": comparison.summary(), "level_times": comparison.delays}, as_json)
+    print_result(comparison, {"errors": comparison.summary(), "level_times": comparison.delays}, as_json)
+    return ExitCode.WELL
+
+
+def report(
+    run_files: Annotated[list[Path], typer.Argument(metavar="RUN.npz...", help="Several are put side by side, with one clock.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PAGE.html")],
+    force: Overwrite = False,
+) -> ExitCode:
+    """Write runs as one page that opens in any browser, without a network: the arm in space, traces, kymographs, verdict."""
+    from ..files.store import load
+    from ..files.writing import check_target
+    from ..pictures.report import report as write
+
+    check_target(output, overwrite=force, suffixes=(".html",))
+    write([load(path, expect="Execution") for path in run_files], output, overwrite=force)
+    say(f"wrote {output}")
     return ExitCode.WELL

@@ -62,7 +62,7 @@ def demo(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> ExitCode:
-    """Plan a task, carry it out in closed loop, verify it, and draw planned against simulated."""
+    """Plan a task, carry it out in closed loop, verify it, draw planned against simulated, and write it all as a page."""
     from ..files.writing import check_target, make_folder
 
     configuration = configuration_of(task, settings, plant)
@@ -70,10 +70,11 @@ def demo(
         ending = "" if configuration.run.plant == "rod" else f"-{configuration.run.plant}"
         folder, force = Path(f"demo-{Path(task).stem}{ending}"), True
     make_folder(folder)
-    plan_file, run_file, picture = folder / "plan.npz", folder / "run.npz", folder / "traces.png"
+    plan_file, run_file, picture, page = (folder / name for name in ("plan.npz", "run.npz", "traces.png", "report.html"))
     for path in (plan_file, run_file):
         check_target(path, overwrite=force)
     check_target(picture, overwrite=force, suffixes=(".png",))
+    check_target(page, overwrite=force, suffixes=(".html",))
     progress = display(quiet)
     made = plan_into(plan_file, configuration, time_limit, progress)
     if not as_json:
@@ -88,11 +89,13 @@ def demo(
         return code
     from ..judging.verification import verify
     from ..pictures.plots import plot
+    from ..pictures.report import report as write
 
     verdict = verify(execution)
     report(verdict, {"plan": plan_content(made), "run": run_content(execution), "verdict": verdict_content(verdict)}, as_json)
     plot(execution, picture, overwrite=True)
-    say(f"wrote {plan_file}, {run_file} and {picture}")
+    write(execution, page, overwrite=True)
+    say(f"wrote {plan_file}, {run_file} and {picture}; open {page} in a browser")
     return code_of_verdict(verdict)
 
 

@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..carrying.results import Execution, Verdict
-from ..files.store import check_target
-from ..files.writing import write_text
+from ..files.writing import check_target, write_text
 from ..judging.verification import verify
 from .motion import Motion, motion_of
 from .packing import Floats, pack
