@@ -33,6 +33,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from octoctrl.planners.asking.schedule import Bend, BendWave, Elongate, Schedule, Shorten, Twist
     from octoctrl.planners.asking.task import Drive, Goal, Phase, Task
+    from octoctrl.planners.following import controllers
     from octoctrl.planners.solving.plan import Plan
     from octoctrl.sim.activation import Activation, Plateau, Wave
     from octoctrl.sim.body.arm import Arm
@@ -74,6 +75,7 @@ _HOMES = {
     "octoctrl.files.store": ("load", "save"),
     "octoctrl.judging.verification": ("verify",),
 }
+_MODULES = {"controllers": "octoctrl.planners.following.controllers", "tasks": "octoctrl.tasks"}
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
@@ -102,6 +104,7 @@ __all__ = [
     "Water",
     "Wave",
     "compare",
+    "controllers",
     "execute",
     "load",
     "make_plant",
@@ -118,8 +121,8 @@ __all__ = [
 if not TYPE_CHECKING:  # type checkers read the imports above, and must see that there is nothing else
 
     def __getattr__(name: str) -> Any:
-        if name == "tasks":
-            return importlib.import_module("octoctrl.tasks")
+        if name in _MODULES:
+            return importlib.import_module(_MODULES[name])
         if name not in _HOME_OF:
             raise AttributeError(f"module 'octoctrl' has no attribute '{name}' ({', '.join(__all__)})")
         value = getattr(importlib.import_module(_HOME_OF[name]), name)

@@ -110,7 +110,7 @@ def coil_plan():
 
 
 def coil_execution(plan, *, bend=1.0, twist=1.0, until=DURATION, **changes):
-    from octoctrl.carrying.results import Event, Execution
+    from octoctrl.carrying.results import Event, Execution, ExecutionReport
     from octoctrl.sim.running.recording import Recording
     from octoctrl.sim.topology.measures import measure
 
@@ -131,8 +131,9 @@ def coil_execution(plan, *, bend=1.0, twist=1.0, until=DURATION, **changes):
     ends = [*list(BEGINS.values())[1:], DURATION]
     events = tuple(Event(phase=name, planned=end, actual=end, met=True) for name, end in zip(BEGINS, ends, strict=True) if end <= until)
     trace = measure(time, points, frames, plan.task.convention)
-    made = {"plan": plan, "recording": recording, "trace": trace, "planned": plan.trace.at(time), "feedback": "tvlqr", "events": events}
-    return Execution(**(made | {"statistics": {"wall_time": 1.5}} | changes))
+    made = {"plan": plan, "recording": recording, "trace": trace, "clock": time, "feedback": "tvlqr", "events": events}
+    report = ExecutionReport(wall_time=1.5, time_step=2.5e-4, step_limit="shear")
+    return Execution(**(made | {"report": report} | changes))
 
 
 @pytest.fixture(scope="session")

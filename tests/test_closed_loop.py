@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import octoctrl as oc
 from octoctrl import tasks
 from octoctrl.carrying.execution import PATIENCE, execute
 from octoctrl.carrying.results import ExecutionStatus
 from octoctrl.judging.comparison import level_delays
 from octoctrl.judging.verification import verify
+from octoctrl.planners.contracts import ControllerReport
 from octoctrl.planners.fitting.identification import load_identified
 from octoctrl.planners.solving import trajectory
 from octoctrl.planners.solving.plan import PlanStatus
@@ -88,7 +90,7 @@ def test_open_loop_plays_the_plan_and_nothing_else(plan):
     planned = plan.schedule.activation().levels(execution.recording.time, plan.arm.edges)
     np.testing.assert_allclose(execution.recording.levels, planned, atol=2e-3)  # linear between samples of 5 ms
     writhe, twist = errors(execution)
-    assert rms(writhe) < 0.1 and rms(twist) < 0.1 and execution.statistics["waited"] == pytest.approx(0.0, abs=1e-9)
+    assert rms(writhe) < 0.1 and rms(twist) < 0.1 and execution.waited == pytest.approx(0.0, abs=1e-9)
 
 
 def test_execution_is_deterministic(plan, closed):
@@ -122,9 +124,9 @@ def test_feedback_halves_the_error_of_a_plant_that_is_not_as_modelled(case, plan
 
 
 def test_estimates_name_what_is_wrong(plan):
-    weak = execute(plan, plant=Plant(weakened(plan.arm, oblique=0.8), plan.scene)).statistics["estimated_errors"]
-    heavy = execute(plan, plant=Plant(plan.arm, Scene.free(factor=2.0))).statistics["estimated_errors"]
-    right = execute(plan).statistics["estimated_errors"]
+    weak = execute(plan, plant=Plant(weakened(plan.arm, oblique=0.8), plan.scene)).report.controller.estimated_errors
+    heavy = execute(plan, plant=Plant(plan.arm, Scene.free(factor=2.0))).report.controller.estimated_errors
+    right = execute(plan).report.controller.estimated_errors
     for group in ("R-OM", "L-OM"):
         assert weak[group] - right[group] == pytest.approx(-0.2, abs=0.06)
     assert heavy["drag"] - right["drag"] == pytest.approx(1.0, abs=0.3)
@@ -139,18 +141,18 @@ def test_waiting_is_bounded(plan):
     assert execution.status is ExecutionStatus.FINISHED
     assert not all(event.met for event in execution.events)
     duration = plan.schedule.duration
-    assert 0.05 < execution.statistics["waited"] <= PATIENCE * duration + 0.05 * len(plan.task.phases)
-    assert execution.recording.time[-1] == pytest.approx(duration + execution.statistics["waited"], abs=0.03)
+    assert 0.05 < execution.waited <= PATIENCE * duration + 0.05 * len(plan.task.phases)
+    assert execution.recording.time[-1] == pytest.approx(duration + execution.waited, abs=0.03)
     ends = [event.actual for event in execution.events]
     assert ends == sorted(ends) and len(ends) == len(plan.task.phases)
     impatient = execute(plan, plant=Plant(hopeless, plan.scene), patience=0.0)
-    assert impatient.statistics["waited"] == pytest.approx(0.0, abs=0.01)
+    assert impatient.waited == pytest.approx(0.0, abs=0.01)
 
 
 @pytest.mark.parametrize("feedback", ["open-loop", "tvlqr"])
 def test_settling_goes_on_after_the_last_phase(plan, feedback):
     execution = execute(plan, feedback=feedback, settle=0.4)
-    waited, late = execution.statistics["waited"], execution.recording.time > plan.schedule.duration + execution.statistics["waited"]
+    waited, late = execution.waited, execution.recording.time > plan.schedule.duration + execution.waited
     assert execution.recording.time[-1] == pytest.approx(plan.schedule.duration + 0.4 + waited, abs=0.03)
     assert execution.status is ExecutionStatus.FINISHED and late.sum() > 10
     np.testing.assert_allclose(execution.planned.twist[late], plan.trace.twist[-1], atol=1e-9)
@@ -185,13 +187,13 @@ def answers(value):
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (np.zeros(10), r"feedback returned levels of shape \(10,\); \(11,\), \(11, n\) or a dict of group to level is needed, n = 48"),
-        (np.zeros((11, 7)), r"feedback returned levels of shape \(11, 7\)"),
-        (0.3, r"feedback returned levels of shape \(\)"),
-        (None, r"feedback returned levels of shape \(\)"),
-        ("fast", r"feedback returned str 'fast'; \(11,\)"),
-        ({"R-MO": 0.2}, r"feedback returned a level for 'R-MO'; did you mean 'R-OM'\?"),
-        ({"R-OM": 1.4}, r"activation levels span 0…1.4 near t=0.00 s; allowed is 0…1"),
+        (np.zeros(10), r"feedback: shape \(10,\); \(11,\), \(11, n\) or a dict of group to level is needed, n = 48 cells of the arm"),
+        (np.zeros((11, 7)), r"feedback: shape \(11, 7\)"),
+        (0.3, r"feedback: shape \(\)"),
+        (None, r"feedback: found NoneType None; numbers from 0 to 1 are needed"),
+        ("fast", r"feedback: found str fast"),
+        ({"R-MO": 0.2}, r"feedback: there is no muscle group 'R-MO'; did you mean 'R-OM'\?"),
+        ({"R-OM": 1.4}, r"activation levels span 0…1.4 feedback; allowed is 0…1"),
         (np.full(11, np.nan), r"activation levels span nan…nan"),
     ],
     ids=["too short", "elements", "scalar", "nothing", "text", "group", "too large", "nan"],
@@ -201,8 +203,98 @@ def test_wrong_answers_of_a_callable_are_named(short, answer, message):
         execute(short, feedback=answers(answer))
 
 
+class Doubled:
+    """A controller from outside: the built-in one, whose levels are looked at on the way, with a push of its own."""
+
+    name = "doubled"
+
+    def __init__(self, plan, push=0.0):
+        self.inner, self.push, self.readings = oc.controllers.tvlqr(plan), push, []
+
+    def levels(self, observation, reading):
+        self.readings.append(reading)
+        source, push = self.inner.levels(observation, reading), self.push
+
+        class Pushed:
+            def levels(self, times, edges):
+                return np.clip(source.levels(times, edges) + push, 0.0, 1.0)
+
+        return Pushed()
+
+    def report(self):
+        return self.inner.report()
+
+
+def test_the_built_in_controller_can_be_wrapped(short):
+    wrapped = Doubled(short)
+    run, plain = oc.execute(short, feedback=wrapped), oc.execute(short)
+    np.testing.assert_array_equal(run.recording.points, plain.recording.points)
+    assert run.feedback == "doubled" and run.report.controller.estimated_errors == plain.report.controller.estimated_errors
+    assert run.report.controller.largest_correction > 0 and plain.report.controller.design_time > 0
+    assert [reading.begin for reading in wrapped.readings[:6]] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2, 0.25])
+    pushed = oc.execute(short, feedback=Doubled(short, push=0.1))
+    assert np.abs(pushed.recording.points - plain.recording.points).max() > 1e-3
+    assert pushed.recording.levels.min() >= 0.1
+
+
+def test_one_controller_serves_several_runs(short):
+    controller = oc.controllers.tvlqr(short)
+    first, again = (execute(short, feedback=controller) for _ in range(2))
+    np.testing.assert_array_equal(first.recording.points, again.recording.points)
+    finer = execute(short, feedback=controller, period=0.025)
+    np.testing.assert_array_equal(finer.recording.points, execute(short, period=0.025).recording.points)
+
+
+def test_a_controller_is_added_by_name(short, monkeypatch):
+    monkeypatch.setattr(oc.controllers, "CONTROLLERS", dict(oc.controllers.CONTROLLERS))
+    oc.controllers.register("doubled", Doubled)
+    assert oc.execute(short, feedback="doubled").feedback == "doubled"
+    from octoctrl.files.configuration import RunSettings
+
+    assert RunSettings(feedback="doubled").feedback == "doubled"
+    with pytest.raises(OctoctrlError, match="a controller called 'tvlqr' exists already; choose another name"):
+        oc.controllers.register("tvlqr", Doubled)
+
+
+class Failing:
+    name, patience = "failing", 0.0
+
+    def __init__(self, when):
+        self.when = when
+
+    def levels(self, observation, reading):
+        if reading.now > self.when - 1e-9:
+            raise ZeroDivisionError("no more ideas")
+        return oc.Activation(templates=(oc.Plateau(groups=("R-OM",), level=0.2),))
+
+    def report(self):
+        return ControllerReport(estimated_errors={"mine": 0.5})
+
+
+def test_a_controller_that_fails_leaves_the_run(short, tmp_path):
+    run = oc.execute(short, feedback=Failing(0.15))
+    assert run.status is ExecutionStatus.CONTROLLER_FAILED and not run.recording.complete
+    assert run.recording.time[-1] == pytest.approx(0.15) and run.trace.twist[-1] < -0.01
+    assert run.recording.note == "controller 'failing' failed at t=0.15 s: ZeroDivisionError: no more ideas"
+    assert "in levels\n" in run.cause and run.cause.endswith("ZeroDivisionError: no more ideas\n")
+    assert run.report.controller.estimated_errors == {"mine": 0.5}
+    assert not verify(run).passed and run.recording.note in str(run)
+    kept = oc.load(oc.save(tmp_path / "run.npz", run))
+    assert kept.cause == run.cause and kept.status is run.status and kept.report == run.report
+    with pytest.raises(ZeroDivisionError):  # nothing has moved that could be lost
+        oc.execute(short, feedback=Failing(0.0))
+
+
+def test_a_wrong_answer_after_the_first_leaves_the_run(short):
+    run = execute(short, feedback=lambda time, observation: {"R-OM": 0.2 if time < 0.1 else 1.4})
+    assert run.status is ExecutionStatus.CONTROLLER_FAILED and run.recording.time[-1] == pytest.approx(0.1)
+    assert "OctoctrlError: activation levels span 0…1.4 feedback; allowed is 0…1" in run.recording.note
+
+
 def test_unknown_feedback(short):
-    with pytest.raises(OctoctrlError, match=r"unknown feedback 'tvlq'; did you mean 'tvlqr'\? \(tvlqr|open-loop, tvlqr, or a callable\)"):
+    with pytest.raises(
+        OctoctrlError, match=r"unknown feedback 'tvlq'; did you mean 'tvlqr'\? \(tvlqr, open-loop, a callable or a controller\)"
+    ):
         execute(short, feedback="tvlq")
 
 
@@ -211,6 +303,88 @@ def test_plan_of_another_arm_is_refused(short):
     pattern = r"plan was made for arm 'octopus-20cm' \(hash \w{4}\), scene has 'octopus-15cm' \(\w{4}\); re-plan or pass arm=plan.arm"
     with pytest.raises(OctoctrlError, match=pattern):
         execute(short, plant=Plant(other))
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ({"settle": -100}, "settle=-100 s is outside >= 0 s"),
+        ({"settle": "0.05"}, "settle: expected a number in s, found the string '0.05'"),
+        ({"period": 0}, "period=0 s is outside > 0 s"),
+        ({"period": float("nan")}, "period is nan; a finite number is needed"),
+        ({"period": "0.05"}, "period: expected a number in s, found the string '0.05'"),
+        ({"period": 0.0123}, "period=0.0123 s: needs a multiple of the plant's sample interval 0.005 s"),
+        ({"patience": -0.1}, "patience=-0.1 is outside >= 0"),
+        (
+            {"feedback": 3},
+            "feedback is int 3; give the name of a controller (tvlqr, open-loop), a callable, or an object like a Controller",
+        ),
+    ],
+)
+def test_numbers_that_cannot_be_meant(short, how, message):
+    with pytest.raises(OctoctrlError) as caught:
+        execute(short, **how)
+    assert str(caught.value) == message
+
+
+def test_patience_with_a_callable_is_honoured(short):
+    def rest(time, observation):
+        return {}
+
+    assert execute(short, feedback=rest).waited == pytest.approx(0.0, abs=1e-9)
+    run = execute(short, feedback=rest, patience=0.5)
+    assert run.waited == pytest.approx(0.15, abs=1e-9) and run.events[0].actual == pytest.approx(0.45)
+    np.testing.assert_allclose(run.clock, np.minimum(run.recording.time, 0.3), atol=1e-9)
+
+
+@pytest.mark.parametrize("status", [PlanStatus.INFEASIBLE, PlanStatus.TIME_LIMIT])
+def test_a_plan_that_is_not_solved_needs_a_word(short, status):
+    unsolved = replace(short, status=status)
+    with pytest.raises(OctoctrlError, match=rf"the plan of 'coil' is not solved \({status.name.lower()}\); plan again, or pass allow_uns"):
+        execute(unsolved)
+    assert execute(unsolved, allow_unsolved=True).status is ExecutionStatus.FINISHED
+
+
+def test_a_plan_that_is_refused_can_still_be_run():
+    goal = oc.Goal(quantity="twist", value=-9.0)
+    drive = oc.Drive(name="store", primitive="Twist", begins="store", settings={"hand": "R-OM", "level": 0.2})
+    refused = oc.plan(oc.Task(name="much", phases=(oc.Phase(name="store", duration=0.3, goals=(goal,)),), drives=(drive,)))
+    assert refused.status is PlanStatus.UNREACHABLE
+    run = oc.execute(refused, allow_unsolved=True, patience=0.0)
+    assert run.status is ExecutionStatus.FINISHED and not run.events[0].met and run.trace.twist[-1] < -0.02
+
+
+# Two clocks
+
+
+@pytest.fixture(scope="module")
+def waiting(plan):
+    """A run whose first phase waits: its goal has a tolerance that feedback meets late."""
+    first = plan.task.phases[0]
+    phases = (replace(first, goals=(replace(first.goals[0], tolerance=0.004),)), *plan.task.phases[1:])
+    return execute(replace(plan, task=replace(plan.task, phases=phases)))
+
+
+def test_planned_arm_follows_the_clock_of_the_plan(plan, waiting):
+    """A phase that waits is not late: the planned tip, as the planned trace, is that of the clock's reading."""
+    assert waiting.waited >= 0.1
+    duration, time = plan.schedule.duration, waiting.recording.time
+    stands = (time > plan.phase_begins["open"] + 0.02) & (time < plan.phase_begins["open"] + waiting.waited - 0.06)
+    assert stands.sum() > 3 and np.ptp(waiting.clock[stands]) < 1e-9
+    late = time > plan.phase_begins["open"] + waiting.waited + 0.06
+    np.testing.assert_allclose(waiting.clock[late], time[late] - waiting.waited, atol=1e-9)
+    assert waiting.clock[-1] == pytest.approx(duration, abs=0.005)
+    expected = plan.trace.at(np.clip(waiting.clock, 0, duration)[late])
+    np.testing.assert_allclose(waiting.planned.twist[late], expected.twist, atol=1e-12)
+    strains = [
+        np.interp(np.minimum(waiting.clock, plan.time[-1]), plan.time, column) for column in plan.strains.reshape(len(plan.time), -1).T
+    ]
+    tip = plan.model.points(np.array(strains).T.reshape(len(time), *plan.strains.shape[1:]))[:, -1]
+    distance = rms(np.linalg.norm(waiting.recording.tip - tip, axis=1))
+    assert oc.compare(waiting).summary()["tip_rms"] == pytest.approx(distance, rel=1e-9)
+    checks = {check.name: check for check in verify(waiting).checks}
+    assert checks["tip_rms"].value == pytest.approx(distance / plan.arm.length, rel=1e-9) and checks["tip_rms"].passed
+    assert checks["level_time"].value < 0.3
 
 
 # Cut short

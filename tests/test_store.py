@@ -18,6 +18,7 @@ from octoctrl import tasks
 from octoctrl.carrying.results import ExecutionStatus, VerdictStatus
 from octoctrl.files import store, writing
 from octoctrl.judging.verification import verify
+from octoctrl.planners.contracts import ControllerReport
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.topology.trace import TopologyConvention
 
@@ -75,8 +76,8 @@ def test_any_nesting_of_plain_values_comes_back(value):
 
 @pytest.mark.parametrize("value", [inf, -inf, nan, (), {}, {"a": (1, [2.0, None])}, -0.0, 1e-310, np.zeros((0, 3)), np.array(True)])
 def test_special_values(tmp_path, coil_run, value):
-    back = store.load(store.save(tmp_path / "p.npz", replace(coil_run, statistics={"value": value})))
-    assert same(back.statistics["value"], value)
+    back = store.load(store.save(tmp_path / "p.npz", ControllerReport(estimated_errors={"value": value})))
+    assert same(back.estimated_errors["value"], value)
 
 
 def test_header_says_where_a_file_comes_from(tmp_path, coil_plan):
@@ -116,17 +117,18 @@ class Unknown(Enum):
 
 @pytest.mark.parametrize("member", [Colour.RED, Order.FIRST, VerdictStatus.FAIL, ExecutionStatus.FINISHED])
 def test_members_of_enums_that_are_text_or_numbers_come_back_as_members(tmp_path, coil_run, member):
-    back = store.load(store.save(tmp_path / "r.npz", replace(coil_run, statistics={"value": member})))
-    assert back.statistics["value"] is member
+    back = store.load(store.save(tmp_path / "r.npz", ControllerReport(estimated_errors={"value": member})))
+    assert back.estimated_errors["value"] is member
 
 
 def test_classes_of_the_user(tmp_path, coil_plan, coil_run):
     plan = replace(coil_plan, schedule=replace(coil_plan.schedule, primitives=(Nod(level=0.1),)))
     assert store.load(store.save(tmp_path / "p.npz", plan)).schedule.primitives == (Nod(level=0.1),)
     with pytest.raises(
-        OctoctrlError, match=r"Execution.statistics.key is of type Unknown, which cannot be stored; .* octoctrl.files.store.register"
+        OctoctrlError,
+        match=r"ControllerReport.estimated_errors.key is of type Unknown, which cannot be stored; .* octoctrl.files.store.register",
     ):
-        store.save(tmp_path / "q.npz", replace(coil_run, statistics={"key": Unknown.A}))
+        store.save(tmp_path / "q.npz", ControllerReport(estimated_errors={"key": Unknown.A}))
     assert not (tmp_path / "q.npz").exists()
     with pytest.raises(OctoctrlError, match="a class called 'Plan' can be stored already"):
         store.register(type("Plan", (), {}))
@@ -136,7 +138,7 @@ def test_failed_write_keeps_the_old_file(tmp_path, coil_plan, coil_run):
     path = store.save(tmp_path / "p.npz", coil_plan)
     before = path.read_bytes()
     with pytest.raises(OctoctrlError):
-        store.save(path, replace(coil_run, statistics={"key": object()}), overwrite=True)
+        store.save(path, ControllerReport(estimated_errors={"key": object()}), overwrite=True)
     assert path.read_bytes() == before
     assert [item.name for item in tmp_path.iterdir()] == ["p.npz"]
 
@@ -163,7 +165,7 @@ count = 0
 while True:
     count += 1
     writer._next = 0.0
-    writer(replace(run, statistics={{"count": count}}))
+    writer(replace(run, cause=str(count)))
     print(count, flush=True)
 """
 
@@ -179,7 +181,7 @@ def test_kill_9_leaves_a_readable_file(tmp_path, coil_run, delay):
         process.send_signal(signal.SIGKILL)
         seen = max([seen, *map(int, process.stdout.read().split())])
     loaded = store.load(target)
-    assert loaded.statistics["count"] in (seen, seen + 1)
+    assert int(loaded.cause) in (seen, seen + 1)
     assert same(loaded.recording, coil_run.recording)
 
 

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.topology import measures as topology
 from octoctrl.sim.topology import topology_kernels as kernels
+from octoctrl.sim.topology.meter import Meter
 from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
 
 REST = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # rows d1 = +z, d2 = +x, d3 = +y
@@ -287,8 +288,37 @@ def test_lifted_writhe_runs_through_two_self_crossings_of_a_coil():
 
 def test_series_is_made_continuous_modulo_two():
     values = np.array([0.1, 0.9, -0.8, -0.3, 1.9, 0.2, -1.5])
-    kernels.unwrap_by_two(values)
+    kernels.unwrap_by_two(values, values[0], 0.0)
     assert values == pytest.approx([0.1, 0.9, 1.2, 1.7, 1.9, 2.2, 2.5], abs=1e-12)
+
+
+@given(st.lists(st.floats(-4.0, 4.0), min_size=3, max_size=12), st.integers(1, 10))
+def test_pieces_of_a_series_are_made_continuous_to_the_same_bits(values, cut):
+    whole, pieces = np.array(values), np.array(values)
+    kernels.unwrap_by_two(whole, whole[0], 0.0)
+    cut = min(cut, len(values) - 1)
+    shift = kernels.unwrap_by_two(pieces[:cut], pieces[0], 0.0)
+    kernels.unwrap_by_two(pieces[cut:], pieces[cut - 1], shift)
+    np.testing.assert_array_equal(pieces, whole)
+
+
+@pytest.mark.parametrize("cuts", [(1,), (40, 41, 100), (30, 60, 90)])
+def test_a_meter_that_grows_by_pieces_gives_the_bits_of_the_whole(cuts, monkeypatch):
+    """A coil that runs on through its plane; pieces begin with the instant at which the last one ends, as those of a plant do."""
+    rates = np.linspace(-25.0, 25.0, 121)
+    points, frames = (np.stack(values) for values in zip(*(tapered_coil(2.04, rate)[:2] for rate in rates), strict=True))
+    time, counted = np.arange(121.0), []
+    whole = topology.measure(time, points, frames)
+    kernel = kernels.writhe_series
+    monkeypatch.setattr(kernels, "writhe_series", lambda *arguments: (counted.append(len(arguments[0])), kernel(*arguments))[1])
+    meter = Meter()
+    for begin, end in itertools.pairwise((0, *cuts, 120)):
+        piece = slice(begin, end + 1)
+        meter.extend(time[piece], points[piece], frames[piece])
+        assert meter.trace.time[-1] == end and meter.trace.writhe[-1] == whole.writhe[end]
+    assert sum(counted) == len(time)
+    for field in dataclasses.fields(whole):
+        np.testing.assert_array_equal(getattr(meter.trace, field.name), getattr(whole, field.name))
 
 
 def test_tip_antiparallel_to_the_base_is_flagged():

@@ -1,9 +1,12 @@
 """What running a plan gives: an execution, and the verdict on it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum, StrEnum
 from math import isfinite
 
+import numpy as np
+
+from octoctrl.planners.contracts import ControllerReport, Floats
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.records import Record
@@ -19,6 +22,7 @@ class ExecutionStatus(Enum):
     FINISHED = "Finished: all phases were carried out; verify it."
     INTERRUPTED = "Interrupted: the recording holds everything up to the last chunk; run again to finish."
     UNSTABLE = "Unstable: the plant diverged; the recording holds the motion up to the last good state, the note says where and why."
+    CONTROLLER_FAILED = "Controller failed: the recording holds everything up to the period in which it did; mend what the cause names."
 
 
 class VerdictStatus(StrEnum):
@@ -42,6 +46,26 @@ class Event:
     met: bool
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExecutionReport:
+    """How an execution was computed.
+
+    Attributes
+    ----------
+    wall_time : float, s
+    time_step : float, s
+        Of the plant.
+    step_limit : str
+        What would grow if the step were larger.
+    controller : ControllerReport
+    """
+
+    wall_time: float
+    time_step: float
+    step_limit: str
+    controller: ControllerReport = field(default_factory=ControllerReport)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Execution(Record):
     """A plan carried out on the plant.
@@ -52,30 +76,46 @@ class Execution(Record):
     recording : Recording
     trace : TopologyTrace
         Measured on the plant's centreline.
-    planned : TopologyTrace
-        The plan's trace at the recorded times (held at its end after the plan is over).
+    clock : (T,) float64, s
+        Reading of the plan's clock at the recorded times: it stands while a phase waits, and goes on when the plan is over.
     feedback : str
-        ``"open-loop"``, ``"tvlqr"`` or the name of the callable.
+        Name of the controller.
+    report : ExecutionReport
     plant : str
         Name of the plant: ``"rod"``, ``"assembly"`` or what a plant of one's own is called.
     events : tuple of Event
     status : ExecutionStatus
-    statistics : dict
-        Wall time, simulated seconds per second, time step and its binding limit, largest feedback correction and the like.
+    cause : str
+        Where a controller of one's own failed, as Python tells it; empty otherwise.
     """
 
     plan: Plan
     recording: Recording
     trace: TopologyTrace
-    planned: TopologyTrace
+    clock: Floats
     feedback: str
+    report: ExecutionReport
     plant: str = "rod"
     events: tuple[Event, ...] = ()
     status: ExecutionStatus = ExecutionStatus.FINISHED
-    statistics: dict = field(default_factory=dict)
+    cause: str = ""
 
-    def __str__(self):
+    def __str__(self) -> str:
         return execution_text(self)
+
+    @property
+    def planned(self) -> TopologyTrace:
+        """The plan's trace at the clock's readings, over the recorded times; held at its end after the plan is over."""
+        trace = self.plan.trace
+        readings, place = np.unique(np.clip(self.clock, 0.0, trace.time[-1]), return_inverse=True)
+        found = trace.at(readings)
+        series = {item.name: getattr(found, item.name)[place] for item in fields(found) if item.name not in ("time", "convention")}
+        return replace(found, time=self.recording.time, **series)
+
+    @property
+    def waited(self) -> float:
+        """For how long phases waited for their goals, s."""
+        return float(self.recording.time[-1] - self.clock[-1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +189,7 @@ class Verdict:
         return self
 
 
-def execution_text(run):
+def execution_text(run: Execution) -> str:
     """Say in a few lines how a plan was carried out.
 
     Parameters
@@ -162,10 +202,9 @@ def execution_text(run):
     """
     recording, trace = run.recording, run.trace
     end = float(recording.time[-1])
-    rate = run.statistics.get("wall_time")
-    speed = f"   simulated in {rate:.1f} s" if isinstance(rate, int | float) else ""
     plant = run.plant if run.plant == run.plan.plant else f"{run.plant} (planned for {run.plan.plant})"
-    lines = [f"run of '{run.plan.task.name}'   {end:.2f} s on arm {run.plan.arm.name}   plant {plant}   feedback {run.feedback}{speed}"]
+    what = f"run of '{run.plan.task.name}'   {end:.2f} s on arm {run.plan.arm.name}   plant {plant}   feedback {run.feedback}"
+    lines = [f"{what}   simulated in {run.report.wall_time:.1f} s"]
     rows = [(event.phase, f"{event.planned:.2f} s", f"{event.actual:.2f} s", "met" if event.met else "not met") for event in run.events]
     lines += table(("phase", "planned end", "actual end", "goals"), rows) if rows else []
     last = f"twist {trace.twist[-1]:+.2f}   lifted writhe {trace.lifted_writhe[-1]:+.2f}   lifted link {trace.lifted_link[-1]:+.2f}"
@@ -176,7 +215,7 @@ def execution_text(run):
     return "\n".join(lines)
 
 
-def verdict_text(verdict):
+def verdict_text(verdict: Verdict) -> str:
     """Write a verdict as a table.
 
     Parameters

@@ -1,6 +1,7 @@
 """The command line: its commands by family, and what becomes of everything that can go wrong.
 
-Exit codes: 0 well, 1 verdict failed, 2 bad input, 3 no plan, 4 plant unstable, 70 a fault of octoctrl, 130 interrupted.
+Exit codes: 0 well, 1 verdict failed, 2 bad input, 3 no plan, 4 plant unstable, 5 controller failed, 70 a fault of octoctrl, 130
+interrupted.
 """
 
 import os

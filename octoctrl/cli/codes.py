@@ -17,6 +17,7 @@ class ExitCode(IntEnum):
     BAD_INPUT = 2
     NO_PLAN = 3
     UNSTABLE = 4
+    CONTROLLER_FAILED = 5
     FAULT = 70
     """A mistake of ours; 70 as in sysexits.h."""
     INTERRUPTED = 130
@@ -29,7 +30,8 @@ def code_of_plan(plan: "Plan") -> ExitCode:
 
 def code_of_run(execution: "Execution") -> ExitCode:
     """How the run ended."""
-    return {"FINISHED": ExitCode.WELL, "INTERRUPTED": ExitCode.INTERRUPTED, "UNSTABLE": ExitCode.UNSTABLE}[execution.status.name]
+    name = execution.status.name
+    return ExitCode.WELL if name == "FINISHED" else ExitCode[name]
 
 
 def code_of_verdict(verdict: "Verdict") -> ExitCode:

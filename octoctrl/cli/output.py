@@ -59,7 +59,7 @@ def run_content(execution: "Execution") -> dict[str, Any]:
         "plant": execution.plant,
         "duration": float(execution.recording.time[-1]),
         "events": [{"phase": e.phase, "planned": e.planned, "actual": e.actual, "met": e.met} for e in execution.events],
-        "statistics": execution.statistics,
+        "report": asdict(execution.report) | {"waited": execution.waited, "cause": execution.cause},
     }
 
 

@@ -25,14 +25,16 @@ def run(
     open_loop: Annotated[bool, typer.Option("--open-loop", help="Play the planned activations without feedback.")] = False,
     feedback: Annotated[str | None, typer.Option("--feedback", metavar="NAME", help="tvlqr, or open-loop.")] = None,
     plant: PlantName = None,
+    anyway: Annotated[bool, typer.Option("--anyway", help="Run a plan that does not meet its goals.")] = False,
     force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> ExitCode:
     """Carry out a plan on the plant that it was made for, or another one; the file is kept up to date while the run goes on."""
+    from octoctrl.planners.following.controllers import check_feedback
     from octoctrl.sim.plants import check_plant
 
-    from ..files.configuration import check_feedback, parse
+    from ..files.configuration import parse
     from ..files.store import load, read_header
     from ..files.writing import check_target
 
@@ -45,8 +47,8 @@ def run(
     check_feedback(feedback)
     check_plant(plant or loaded.plant)
     check_target(output, overwrite=force)
-    if code_of_plan(loaded):
-        say(f"the plan does not meet its goals: {loaded.status.value}")
+    if code_of_plan(loaded) and not anyway:
+        raise OctoctrlError(f"{plan_file} does not meet its goals ({loaded.status.name.lower()}); give --anyway to run it all the same")
     execution = run_into(output, loaded, feedback, plant or loaded.plant, force, origin, display(quiet))
     report(execution, run_content(execution), as_json)
     return code_of_run(execution)
@@ -100,7 +102,7 @@ def demo(
 
 
 def run_into(output: Path, plan: "Plan", feedback: str, plant: str, force: bool, origin: dict[str, str], progress: Progress) -> "Execution":
-    """Carry out a plan and keep the run in a file, also while it goes on."""
+    """Carry out a plan, which may miss its goals, and keep the run in a file, also while it goes on."""
     from octoctrl.sim import plants
 
     from ..carrying.execution import execute
@@ -113,7 +115,7 @@ def run_into(output: Path, plan: "Plan", feedback: str, plant: str, force: bool,
         made = plants.make_plant(plant, plan.arm, plan.scene)
         if not isinstance(progress, NullProgress):
             say(header(made, plan.schedule.activation().groups))
-        execution = execute(plan, feedback=feedback, plant=made, progress=progress, checkpoint=writer)
+        execution = execute(plan, feedback=feedback, plant=made, allow_unsolved=True, progress=progress, checkpoint=writer)
     finally:
         progress.stop()
     writer.close(execution)

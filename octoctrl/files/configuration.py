@@ -18,6 +18,7 @@ import msgspec
 
 from octoctrl.planners.asking.schedule import PRIMITIVES
 from octoctrl.planners.asking.task import Drive, Goal, Task
+from octoctrl.planners.following.controllers import check_feedback
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.body.muscles import MuscleLaw
 from octoctrl.sim.errors import OctoctrlError, check_number, suggest
@@ -44,21 +45,6 @@ _FIELDS_IN = {
 }
 UNIT_OF = {name: unit for unit, names in _FIELDS_IN.items() for name in names.split()}
 """Unit of the fields that have one, by name."""
-
-
-FEEDBACKS = ("tvlqr", "open-loop")
-
-
-def check_feedback(name):
-    """Check the name of a feedback.
-
-    Raises
-    ------
-    OctoctrlError
-        If it is unknown; the message suggests the nearest.
-    """
-    if name not in FEEDBACKS:
-        raise OctoctrlError(f"unknown feedback '{name}'{suggest(name, FEEDBACKS)} ({', '.join(FEEDBACKS)})")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,10 +39,11 @@ _HOMES = {
     "octoctrl.sim.topology.trace": ("TopologyTrace", "TopologyConvention"),
     "octoctrl.planners.asking.schedule": ("Bend", "BendWave", "Elongate", "Schedule", "Shorten", "Twist"),
     "octoctrl.planners.asking.task": ("Drive", "Goal", "Phase", "Task"),
+    "octoctrl.planners.contracts": ("ControllerReport", "When"),
     "octoctrl.planners.model.parameters": ("ReducedParameters",),
     "octoctrl.planners.model.reduced": ("ReducedModel", "ReducedMotion"),
     "octoctrl.planners.solving.plan": ("GoalReport", "Plan", "PlanReport", "PlanStatus"),
-    "octoctrl.carrying.results": ("Check", "Event", "Execution", "ExecutionStatus", "Verdict", "VerdictStatus"),
+    "octoctrl.carrying.results": ("Check", "Event", "Execution", "ExecutionReport", "ExecutionStatus", "Verdict", "VerdictStatus"),
     "octoctrl.files.configuration": ("Configuration", "PlanSettings", "RunSettings"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}

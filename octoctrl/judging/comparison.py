@@ -89,7 +89,7 @@ def compare(execution, *, overlap=False):
             f"planned trace covers 0–{duration:.1f} s, simulated 0–{end:.1f} s (run stopped early: {execution.status.name.lower()}); "  # noqa: RUF001
             f"comparing 0–{min(duration, end):.1f} s needs overlap=True"  # noqa: RUF001
         )
-    points = planned_points(execution.plan, execution.recording.time)
+    points = planned_points(execution.plan, execution.clock)
     distance = np.empty(0) if points is None else np.linalg.norm(execution.recording.tip - points[:, -1], axis=1)
     return Comparison(
         execution=execution,
@@ -103,7 +103,7 @@ def compare(execution, *, overlap=False):
 
 
 def level_delays(execution):
-    """By how much the plant passes levels earlier or later than the plan.
+    """By how much the plant passes levels earlier or later than the plan, on the plan's clock.
 
     A level lies midway between the planned values at a phase's begin and end, where those differ by at least 0.2 turns.
 
@@ -122,12 +122,13 @@ def level_delays(execution):
         values = np.interp(begins, plan.trace.time, getattr(plan.trace, quantity))
         for index, phase in enumerate(plan.phase_begins):
             before, after = values[index], values[index + 1]
-            if abs(after - before) < LEAST_STEP or begins[index] >= execution.recording.time[-1]:
+            if abs(after - before) < LEAST_STEP or begins[index] >= execution.clock[-1]:
                 continue
             level, upward = (before + after) / 2, after > before
             wanted = _passages(plan.trace, quantity, level, upward)
             wanted = wanted[(wanted >= begins[index]) & (wanted <= begins[index + 1])]
-            found = _passages(execution.trace, quantity, level, upward)
+            # Phases that wait are not late: what counts is the clock's reading.
+            found = np.interp(_passages(execution.trace, quantity, level, upward), execution.recording.time, execution.clock)
             delays[f"{phase}.{quantity}"] = float(np.abs(found - wanted[0]).min()) if found.size and wanted.size else inf
     return delays
 
@@ -139,7 +140,7 @@ def planned_points(plan: Plan, times):
     ----------
     plan : Plan
     times : (T,) float64, s
-        The shape is held at its end after the plan is over.
+        On the plan's clock. The shape is held at its end after the plan is over.
 
     Returns
     -------

@@ -89,7 +89,7 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
         _check("link_residual", np.abs(measured.residual).max(), limits.link_residual, "turns"),
         _check("activation", execution.recording.levels.max(initial=0.0), limits.activation),
     ]
-    points = planned_points(execution.plan, execution.recording.time)
+    points = planned_points(execution.plan, execution.clock)
     if points is not None:
         distance = np.linalg.norm(execution.recording.tip - points[:, -1], axis=1) / execution.plan.arm.length
         checks.append(_check("tip_rms", rms(distance), limits.tip_rms, "lengths"))

@@ -123,7 +123,7 @@ def _draw_activations(axes, execution):
         applied = recording.levels[:, index].max(axis=(1, 2))
         planned = np.zeros(recording.time.size)
         for template in primitive.templates():
-            value = np.asarray(template.values(np, recording.time[:, None], edges[:-1], edges[1:]), dtype=float)
+            value = np.asarray(template.values(np, execution.clock[:, None], edges[:-1], edges[1:]), dtype=float)
             planned = np.maximum(planned, np.broadcast_to(value, (recording.time.size, edges.size - 1)).max(axis=1))
         base, height = -row, 0.82 / max(planned.max(), applied.max(), 1e-9)
         colour = _GROUP_COLOURS.get(groups[0], COLOURS["writhe"])
@@ -174,7 +174,8 @@ def draw_snapshots(axes, execution, count):
     instants = _snapshot_times(execution, count)
     recording, arm = execution.recording, execution.plan.arm
     camera = _camera(execution.plan.task.convention.pole)
-    planned = planned_points(execution.plan, np.array([time for time, _ in instants]))
+    when = np.interp([time for time, _ in instants], recording.time, execution.clock)
+    planned = planned_points(execution.plan, when)
     place, floor, top = 0.0, np.inf, -np.inf
     for number, (time, name) in enumerate(instants):
         index = int(np.argmin(np.abs(recording.time - time)))

@@ -1,1 +1,1 @@
-"""Feedback along a plan. Imports `asking`, `model`, `solving.plan`."""
+"""Controllers, which follow a plan, and what they see of the arm. Imports `contracts`, `asking`, `model`, `solving.plan`."""

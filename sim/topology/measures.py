@@ -20,7 +20,8 @@ import numpy as np
 from ..errors import OctoctrlError, check_number
 from ..rotations import ribbon_frames
 from . import topology_kernels as kernels
-from .trace import UTURN_LIMIT, TopologyConvention, TopologyTrace, finite_array, frame_series, point_series, unit_pole
+from .meter import Meter
+from .trace import finite_array, frame_series, point_series, unit_pole
 
 SECTION_SHAPES = {1: "straight", 2: "planar", 3: "helical"}
 """Names of the dimensions returned by `classify_sections`."""
@@ -231,31 +232,9 @@ def measure(time, points, frames, convention=None):
         so that the residual compares two independent measurements. A residual beyond 0.02 turns means that the arm is under-resolved
         or touches itself.
     """
-    convention = TopologyConvention() if convention is None else convention
-    if not isinstance(convention, TopologyConvention):
-        raise OctoctrlError(f"convention: expected a TopologyConvention, found {type(convention).__name__}")
-    time = np.atleast_1d(finite_array("time", time))
-    curves, series = point_series(points)[0], frame_series(frames)[0]
-    if not (time.shape[0] == curves.shape[0] == series.shape[0]):
-        raise OctoctrlError(f"time has {time.shape[0]} samples, points {curves.shape[0]}, frames {series.shape[0]}; they must agree")
-    ends = np.ascontiguousarray(series[:, [0, -1], 2, :])
-    series = ribbon_frames(curves, series)
-    gauss = np.empty(time.size)
-    kernels.writhe_series(curves, ends, convention.ray_length, gauss)
-    turned, lifted, opening = _frame_measures(series, convention.pole)
-    crossings = np.round((lifted - gauss) / 2.0).astype(np.int64)
-    framed_link = lifted + turned - 2.0 * crossings
-    return TopologyTrace(
-        time=time,
-        link=framed_link,
-        writhe=gauss,
-        twist=turned,
-        lifted_writhe=lifted,
-        crossings=crossings,
-        uturn=opening < UTURN_LIMIT,
-        residual=framed_link - (gauss + turned),
-        convention=convention,
-    )
+    meter = Meter(convention)
+    meter.extend(time, points, frames)
+    return meter.trace
 
 
 def present(points, frames, pole=(0.0, 0.0, 1.0)):
@@ -380,7 +359,7 @@ def _frame_measures(series, pole):
     """Return twist, lifted writhe made continuous in time, and 1 + t_tip . t_base of a series of frames."""
     turned, lifted, opening = np.empty((3, series.shape[0]))
     kernels.frame_series(series, np.array(pole), turned, lifted, opening)
-    kernels.unwrap_by_two(lifted)
+    kernels.unwrap_by_two(lifted, lifted[0], 0.0)
     return turned, lifted, opening
 
 

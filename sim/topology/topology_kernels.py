@@ -315,14 +315,17 @@ def frame_series(frames, pole, twist, lifted, opening):
 
 
 @kernel
-def unwrap_by_two(values):
-    """Remove jumps by multiples of 2 from a series in place; the first value stays."""
-    shift = 0.0
-    for k in range(1, values.shape[0]):
+def unwrap_by_two(values, before, shift):
+    """Remove jumps by multiples of 2 from a series in place, which continues from `before`, `shift` having been added so far.
+
+    Returns the new shift, so that a series in pieces gives the same bits as the whole.
+    """
+    for k in range(values.shape[0]):
         raw = values[k] + shift
-        correction = -2.0 * np.round((raw - values[k - 1]) / 2.0)
+        correction = -2.0 * np.round((raw - before) / 2.0)
         shift += correction
-        values[k] = raw + correction
+        values[k] = before = raw + correction
+    return shift
 
 
 @kernel

@@ -1,0 +1,59 @@
+"""The built-in feedback as a controller: the regulator of `tracking` on the phase clock."""
+
+from time import process_time
+
+import numpy as np
+
+from octoctrl.sim.sources import Corrected
+
+from ..contracts import ActivationSource, ClockReading, ControllerReport, Observation
+from ..solving.plan import Plan
+from .observer import Observer
+from .tracking import Tracker, design
+
+
+class TVLQR:
+    """Corrects the levels of the groups that the plan uses, once per period.
+
+    It is designed for the period with which it is first asked, and begins anew when time does, so that one object serves several runs.
+
+    Parameters
+    ----------
+    plan : Plan
+    """
+
+    name = "tvlqr"
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan, self._model = plan, plan.model
+        self._activation = plan.schedule.activation()
+        self._design, self._design_time = None, 0.0
+        self._now = np.inf
+
+    def _start(self, period: float) -> None:
+        if self._design is None or abs(self._design.period - period) > 1e-9:
+            begin = process_time()
+            self._design = design(self._plan, self._model, period)
+            self._design_time = process_time() - begin
+        self._tracker = Tracker(self._design)
+        self._observer = Observer(self._model, self._plan.task.convention.pole)
+        self._correction, self._largest = np.zeros(len(self._design.groups)), 0.0
+
+    def levels(self, observation: Observation, reading: ClockReading) -> ActivationSource:
+        """The plan's activation at the `reading` of its clock, corrected for what the `observation` shows."""
+        if reading.now <= self._now:
+            self._start(reading.period)
+        self._now, before = reading.now, self._correction
+        self._correction = self._tracker.correct(round(reading.begin / self._design.period), *self._observer.see(observation))
+        self._largest = max(self._largest, float(np.abs(self._correction).max()))
+        return Corrected(
+            activation=self._activation, begin=reading.now, period=reading.period, clock=(reading.begin, reading.end),
+            groups=self._design.groups, before=before, after=self._correction,
+        )  # fmt: skip
+
+    def report(self) -> ControllerReport:
+        """Largest correction, and the errors of gains and drag that it believes in."""
+        if self._design is None:
+            return ControllerReport()
+        errors = dict(zip((*self._design.groups, "drag"), self._tracker.errors.round(3).tolist(), strict=True))
+        return ControllerReport(largest_correction=self._largest, estimated_errors=errors, design_time=self._design_time)
