@@ -13,7 +13,7 @@ import numpy as np
 
 from octoctrl.sim.errors import OctoctrlError, check_choice
 
-from ..files.writing import write_text, written_aside
+from ..files.writing import write_figure, write_text
 from ..tables import machine, plain, table
 
 PARTS = {
@@ -190,8 +190,7 @@ def draw(tables, path):
         axes.set(xlabel=item.curve[0], ylabel=item.curve[1], title=item.title)
         axes.grid(alpha=0.3, which="both")
         axes.legend(fontsize="small")
-    with written_aside(path) as part:
-        figure.savefig(part, dpi=150)
+    write_figure(path, figure, dpi=150)
 
 
 def timed_motion(plant, activation, duration, times, piece=1.0):

@@ -8,8 +8,12 @@ import os
 import secrets
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from octoctrl.sim.errors import OctoctrlError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def check_target(path: str | Path, *, overwrite: bool = False, suffixes: tuple[str, ...] = (".npz",)) -> Path:
@@ -112,4 +116,16 @@ def write_text(path: Path, text: str) -> Path:
     """Write a text file (UTF-8) aside and move it to `path`, which is returned."""
     with written_aside(path) as part:
         part.write_text(text, encoding="utf-8")
+    return path
+
+
+def write_figure(path: Path, figure: "Figure", *, dpi: float) -> Path:
+    """Write a picture of `figure` aside, with `dpi` dots per inch, and move it to `path`, which is returned.
+
+    Letters stay letters of a TrueType font in PDF: journals refuse the drawn ones that Matplotlib would put there.
+    """
+    from matplotlib import rc_context
+
+    with written_aside(path) as part, rc_context({"pdf.fonttype": 42, "ps.fonttype": 42}):
+        figure.savefig(part, dpi=dpi)
     return path

@@ -3,7 +3,7 @@
 from collections import Counter
 from pathlib import Path
 
-from ..files.writing import write_text, written_aside
+from ..files.writing import write_figure, write_text
 from ..tables import machine, table
 from .endings import COMPARED, PERTURBATION, SENSITIVE, TOLERANCE, Verdict
 from .studies import matrix, read, summary
@@ -200,5 +200,4 @@ def draw(outcomes, path):
     axes.set(xlim=(0, 1), xlabel=f"share of runs ({len(outcomes):,} in all)")
     axes.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside upper center", ncols=3, frameon=False, fontsize=8)
-    with written_aside(path) as part:
-        figure.savefig(part, dpi=150)
+    write_figure(path, figure, dpi=150)

@@ -1,19 +1,36 @@
 """Pictures: the arm in space, planned against simulated link, writhe and twist, activations over time."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
+from octoctrl.sim.errors import OctoctrlError, check_choice
+from octoctrl.sim.running.recording import Recording
 
-from ..files.writing import check_target, written_aside
-from ..judging.comparison import compare, planned_points, rms
+from ..carrying.results import Execution
+from ..files.writing import check_target, write_figure
+from ..judging.comparison import Comparison, compare, planned_points, rms
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
 
 COLOURS = {"link": "#009E73", "writhe": "#0072B2", "twist": "#D55E00"}
 """From the palette of Okabe and Ito, which colour-blind readers can tell apart."""
 PLANNED, FAINT, TEXT = "#000000", "0.80", "0.25"
 _GROUP_COLOURS = {"R-OM": "#D55E00", "L-OM": "#E69F00", "TM": "#009E73"}
 _FORMATS = (".png", ".pdf", ".svg")
+PANELS = {"arm": 2.7, "link": 1.0, "writhe": 1.0, "twist": 1.0, "activation": 0.68}
+"""What a picture shows, from top to bottom, with the share of its height; activations take more for more drives."""
+OVER_TIME = ("link", "writhe", "twist", "activation")
+_HEADROOM = 0.3
+"""Height of the legend, over that of the traces beneath it."""
 
 _SKIN, _SHADE, _OUTLINE = np.array([0.66, 0.83, 0.94]), np.array([0.32, 0.55, 0.74]), (0.10, 0.22, 0.33)
 _LINES = ((1.0, (0.84, 0.37, 0.0)), (-1.0, (0.97, 0.93, 0.80)))
@@ -22,7 +39,17 @@ _STATIONS, _GROUP, _GAP = 320, 8, 30.0
 """Discs with which an arm is drawn, how many neighbours share an outline, and the gap between arms, mm."""
 
 
-def plot(execution, path=None, *, overwrite=False, overlap=False, snapshots=6):
+def plot(
+    execution: Execution,
+    path: str | Path | None = None,
+    *,
+    panels: Sequence[str] | str | None = None,
+    ax: "Axes | Sequence[Axes] | None" = None,
+    size: tuple[float, float] | None = None,
+    overwrite: bool = False,
+    overlap: bool = False,
+    snapshots: int = 6,
+) -> "Figure":
     """Draw snapshots of the arm, planned (dashed) against simulated (solid) topology, and the activations.
 
     Parameters
@@ -30,6 +57,12 @@ def plot(execution, path=None, *, overwrite=False, overlap=False, snapshots=6):
     execution : Execution
     path : str or Path, optional
         Where to write the picture (.png, .pdf or .svg).
+    panels : sequence of str, or str, optional
+        Of `PANELS`, from top to bottom; all of them if omitted.
+    ax : Axes or sequence of Axes, optional
+        One for each panel, to be drawn into; a new figure if omitted.
+    size : (float, float), inch, optional
+        Width and height of a new figure.
     overwrite : bool
         Whether an existing file may be replaced.
     overlap : bool
@@ -44,73 +77,103 @@ def plot(execution, path=None, *, overwrite=False, overlap=False, snapshots=6):
     Raises
     ------
     OctoctrlError
-        If the format is unknown or the file exists.
+        If the format or a panel is unknown, the file exists, or there is not one of `ax` for each panel.
     """
     if path is not None:
         path = check_target(path, overwrite=overwrite, suffixes=_FORMATS)
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+    names = (panels,) if isinstance(panels, str) else tuple(panels or PANELS)
+    for name in names:
+        check_choice("panel", name, tuple(PANELS))
     comparison = compare(execution, overlap=overlap)
-    drives = len(execution.plan.schedule.primitives)
-    figure = Figure(figsize=(8.6, 9.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(5, 1, height_ratios=(2.7, 1, 1, 1, 0.34 * max(drives, 2)))
-    draw_snapshots(panels[0], execution, snapshots)
-    draw_panels(panels[1:], execution, comparison)
-    figure.align_ylabels(panels[1:4])
+    figure, places = _axes(names, ax, size, len(execution.plan.schedule.primitives))
+    for name, axes in zip(names, places, strict=True):
+        if name == "arm":
+            draw_snapshots(axes, execution, snapshots)
+    over_time = [(name, axes) for name, axes in zip(names, places, strict=True) if name != "arm"]
+    if over_time:
+        draw_over_time([axes for _, axes in over_time], execution, comparison, [name for name, _ in over_time])
+        figure.align_ylabels([axes for name, axes in over_time if name != "activation"])
     if path is not None:
-        with written_aside(path) as part:
-            figure.savefig(part, dpi=160)
+        write_figure(path, figure, dpi=160)
     return figure
 
 
-def draw_panels(panels, execution, comparison):
-    """Draw link, writhe, twist and activations into four panels (axes) with one time axis, and mark the phases.
+def _axes(names: Sequence[str], ax: Any, size: tuple[float, float] | None, drives: int) -> "tuple[Figure, list[Axes]]":
+    """The figure, and one of its axes for each panel."""
+    if ax is not None:
+        given = list(np.atleast_1d(np.asarray(ax, dtype=object)).ravel())
+        if len(given) != len(names):
+            raise OctoctrlError(
+                f"ax holds {len(given)} axes for {len(names)} panels; name the panels, for example panels=('writhe', 'twist')"
+            )
+        return given[0].figure, given
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    heights = [0.34 * max(drives, 2) if name == "activation" else PANELS[name] for name in names]
+    figure = Figure(figsize=size or (8.6, 1.35 * sum(heights) + 0.55), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, list(figure.subplots(len(names), 1, height_ratios=heights, squeeze=False)[:, 0])
+
+
+def draw_over_time(panels: "Sequence[Axes]", execution: Execution, comparison: Comparison, names: Sequence[str] = OVER_TIME) -> None:
+    """Draw traces and activations into panels that share one time axis, and mark the phases.
 
     Parameters
     ----------
     panels : sequence of matplotlib.axes.Axes
-        Four, from top to bottom.
+        From top to bottom.
     execution : Execution
     comparison : Comparison
         Of the execution.
+    names : sequence of str
+        What each panel shows, of `OVER_TIME`.
     """
-    _draw_traces(panels[:3], comparison)
-    _draw_activations(panels[3], execution)
-    for axes in panels:
+    traces = [axes for name, axes in zip(names, panels, strict=True) if name != "activation"]
+    for name, axes in zip(names, panels, strict=True):
+        if name == "activation":
+            _draw_activations(axes, execution)
+        else:
+            _draw_trace(axes, comparison, name)
         _mark_phases(axes, execution, names=axes is panels[0])
         axes.set_xlim(0.0, comparison.time[-1])
-        axes.tick_params(labelsize=8, labelbottom=axes is panels[3])
+        axes.tick_params(labelsize=8, labelbottom=axes is panels[-1])
         axes.spines[["top", "right"]].set_visible(False)
-    panels[3].set_xlabel("time [s]", fontsize=9)
+    if traces:
+        _draw_legend(traces[0])
+    panels[-1].set_xlabel("time [s]", fontsize=9)
 
 
-def _draw_traces(panels, comparison):
+def _draw_trace(axes: "Axes", comparison: Comparison, name: str) -> None:
     planned, simulated, time = comparison.planned, comparison.simulated, comparison.time
-    for axes, name, label in zip(panels, ("link", "writhe", "twist"), ("link Lk", "writhe Wr", "twist Tw"), strict=True):
-        smooth = name if name == "twist" else f"lifted_{name}"
-        measured, expected = getattr(simulated, smooth), getattr(planned, smooth)
-        if name != "twist" and np.any(simulated.crossings != simulated.crossings[0]):
-            raw = np.array(getattr(simulated, name))
-            raw[1:][np.abs(np.diff(raw)) > 1.0] = np.nan
-            axes.plot(time, raw, color="0.62", lw=1.2, ls=":", zorder=1, label="simulated, with its jumps by 2 at self-crossings")
-        axes.plot(time, measured, color=COLOURS[name], lw=2.6, alpha=0.9, solid_capstyle="round", zorder=2, label="simulated")
-        axes.plot(time, expected, color=PLANNED, lw=1.1, ls=(0, (4, 2.5)), zorder=3, label="planned")
-        axes.axhline(0.0, color=FAINT, lw=0.6, zorder=0)
-        axes.set_ylabel(f"{label}\n[turns]", fontsize=9)
-        axes.margins(y=0.09)
-        error = f"rms error\n{rms(measured - expected):.3f} turns"
-        axes.text(1.008, 0.5, error, transform=axes.transAxes, va="center", fontsize=7.5, color=TEXT)
-    handles, labels = panels[0].get_legend_handles_labels()
+    smooth = name if name == "twist" else f"lifted_{name}"
+    measured, expected = getattr(simulated, smooth), getattr(planned, smooth)
+    if smooth != name and np.any(simulated.crossings != simulated.crossings[0]):
+        raw = np.array(getattr(simulated, name))
+        raw[1:][np.abs(np.diff(raw)) > 1.0] = np.nan
+        axes.plot(time, raw, color="0.62", lw=1.2, ls=":", zorder=1, label="simulated, with its jumps by 2 at self-crossings")
+    axes.plot(time, measured, color=COLOURS[name], lw=2.6, alpha=0.9, solid_capstyle="round", zorder=2, label="simulated")
+    axes.plot(time, expected, color=PLANNED, lw=1.1, ls=(0, (4, 2.5)), zorder=3, label="planned")
+    axes.axhline(0.0, color=FAINT, lw=0.6, zorder=0)
+    axes.set_ylabel(f"{smooth.replace('_', ' ')}\n[turns]", fontsize=9)
+    axes.margins(y=0.09)
+    error = f"rms error\n{rms(measured - expected):.3f} turns"
+    axes.text(1.008, 0.5, error, transform=axes.transAxes, va="center", fontsize=7.5, color=TEXT)
+
+
+def _draw_legend(axes: "Axes") -> None:
+    """Above all lines, for which the panel is made higher."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + _HEADROOM * (high - low))
+    handles, labels = axes.get_legend_handles_labels()
     order = sorted(range(len(labels)), key=lambda k: ("jumps" in labels[k], labels[k] == "planned"))
-    panels[0].legend(
-        [handles[k] for k in order], [labels[k] for k in order], fontsize=7.5, frameon=False, loc="best", ncols=3, handlelength=2.6,
-        borderaxespad=0.2,
+    axes.legend(
+        [handles[k] for k in order], [labels[k] for k in order], fontsize=7.5, frameon=False, loc="upper left", ncols=3, handlelength=2.6,
+        borderaxespad=0.1, borderpad=0.2,
     )  # fmt: skip
 
 
-def _draw_activations(axes, execution):
+def _draw_activations(axes: "Axes", execution: Execution) -> None:
     """One row per drive, in the order of the plan: the planned level filled, the applied one as a line."""
     recording, schedule = execution.recording, execution.plan.schedule
     names = [drive.name for drive in execution.plan.task.drives]
@@ -131,13 +194,13 @@ def _draw_activations(axes, execution):
         axes.plot(recording.time, base + height * applied, color=colour, lw=1.5)
         what = "+".join(dict.fromkeys("LM" if group in LONGITUDINAL_GROUPS else group for group in groups))
         said.append(f"{labels[row].replace('_', ' ')}\n{what}, peak {applied.max():.2f}")
-    axes.set_yticks([0.35 - row for row in range(len(labels))], said, fontsize=7.5)
+    axes.set_yticks([0.35 - row for row in range(len(labels))], said, fontsize=7.5, parse_math=False)
     axes.tick_params(axis="y", length=0)
     axes.set_title("activation: planned (filled), applied (line)", loc="left", fontsize=8, color=TEXT, pad=3)
     axes.spines["left"].set_visible(False)
 
 
-def _mark_phases(axes, execution, names):
+def _mark_phases(axes: "Axes", execution: Execution, names: bool) -> None:
     begins = {name: float(begin) for name, begin in execution.plan.phase_begins.items()}
     ends = {event.phase: event.actual for event in execution.events}
     order, last = list(begins), float(execution.recording.time[-1])
@@ -149,7 +212,9 @@ def _mark_phases(axes, execution, names):
         if index % 2:
             axes.axvspan(start, stop, color="0.96", lw=0, zorder=-2)
         if names:
-            axes.text((start + stop) / 2, 1.02, name, transform=axes.get_xaxis_transform(), ha="center", va="bottom", fontsize=9)
+            axes.text(
+                (start + stop) / 2, 1.02, name, transform=axes.get_xaxis_transform(), ha="center", va="bottom", fontsize=9, parse_math=False
+            )
         if name not in ends:  # the run was cut short here
             break
 
@@ -157,7 +222,7 @@ def _mark_phases(axes, execution, names):
 # ---------------------------------------------------------------- the arm in space
 
 
-def _snapshot_times(execution, count):
+def _snapshot_times(execution: Execution, count: int) -> list[tuple[float, str]]:
     """Instants and their names: rest, and the ends of the phases."""
     last = float(execution.recording.time[-1])
     ends = [(event.actual, f"after {event.phase}") for event in execution.events if event.actual < last - 1e-9]
@@ -166,7 +231,7 @@ def _snapshot_times(execution, count):
     return times[::-1][:count][::-1]
 
 
-def draw_snapshots(axes, execution, count):
+def draw_snapshots(axes: "Axes", execution: Execution, count: int) -> None:
     """Draw the last `count` ends of phases side by side in one scale, seen obliquely along the pole, into `axes`.
 
     Lines along LM3 (orange) and LM7 (white) show the twist; the planned centreline of the `execution` is dashed.
@@ -190,7 +255,13 @@ def draw_snapshots(axes, execution, count):
             axes.plot(guide[:, 0], guide[:, 1], color=PLANNED, lw=1.0, ls=(0, (4, 2.5)), zorder=5)
         floor, top = min(floor, (flat[:, 1] - shape.radii).min()), max(top, (flat[:, 1] + shape.radii).max())
         axes.annotate(
-            f"{name}\n{time:.2f} s", (place + wide / 2, 0.0), xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=8
+            f"{name}\n{time:.2f} s",
+            (place + wide / 2, 0.0),
+            xycoords=("data", "axes fraction"),
+            ha="center",
+            va="top",
+            fontsize=8,
+            parse_math=False,
         )
         place += wide + _GAP
     axes.plot([place - _GAP - 50, place - _GAP], [top] * 2, color=TEXT, lw=1.6)
@@ -201,12 +272,12 @@ def draw_snapshots(axes, execution, count):
     axes.set_axis_off()
 
 
-def _camera(pole):
+def _camera(pole: Sequence[float]) -> Floats:
     """Rows: right, up and towards the viewer. The arm's rest axis +y points up, the pole towards the viewer and to one side."""
-    pole, axis = np.array(pole), np.array([0.0, 1.0, 0.0])
-    if abs(pole @ axis) > 0.9:
-        pole = np.array([0.0, 0.0, 1.0])
-    view = pole + 0.45 * np.cross(axis, pole) + 0.30 * axis
+    up, axis = np.array(pole), np.array([0.0, 1.0, 0.0])
+    if abs(up @ axis) > 0.9:
+        up = np.array([0.0, 0.0, 1.0])
+    view = up + 0.45 * np.cross(axis, up) + 0.30 * axis
     view /= np.linalg.norm(view)
     right = np.cross(axis, view)
     right /= np.linalg.norm(right)
@@ -216,12 +287,12 @@ def _camera(pole):
 class _Shape(NamedTuple):
     """Points (m, 3) and radii (m,) in mm, and outward normals (m, 3) of the line along LM3."""
 
-    points: np.ndarray
-    radii: np.ndarray
-    normals: np.ndarray
+    points: Floats
+    radii: Floats
+    normals: Floats
 
 
-def _shape(recording, index, arm):
+def _shape(recording: Recording, index: int, arm: Arm) -> _Shape:
     from scipy.interpolate import CubicSpline
 
     lengths = np.linalg.norm(np.diff(recording.points[index], axis=0), axis=1) / recording.stretch[index]
@@ -237,16 +308,18 @@ def _shape(recording, index, arm):
     return _Shape(points, 1e3 * np.asarray(arm.section(fine).outer_radius), normals)
 
 
-def _draw_arm(axes, shape, camera, shift):
+def _draw_arm(axes: "Axes", shape: _Shape, camera: Floats, shift: Floats) -> None:
     """Discs from far to near, in each short stretch first the outline, then the skin; last what is seen of the lines."""
     from matplotlib.collections import EllipseCollection
 
     flat = shape.points @ camera.T
     normals = shape.normals @ camera.T
     near = (flat[:, 2] - flat[:, 2].min()) / max(np.ptp(flat[:, 2]), 40.0)
-    centres, sizes, colours = [], [], []
+    centres: list[Floats] = []
+    sizes: list[float] = []
+    colours: list[tuple[float, ...]] = []
 
-    def disc(centre, radius, colour):
+    def disc(centre: Floats, radius: float, colour: tuple[float, ...]) -> None:
         centres.append(centre[:2] + shift[:2])
         sizes.append(2 * radius)
         colours.append(colour)
@@ -255,7 +328,7 @@ def _draw_arm(axes, shape, camera, shift):
     for stretch in sorted(stretches, key=lambda inside: flat[inside, 2].mean()):
         for k in stretch:
             disc(flat[k], shape.radii[k] + 0.7, _OUTLINE)
-        for k in range(max(stretch[0] - 3, 0), min(stretch[-1] + 4, _STATIONS)):
+        for k in np.arange(max(stretch[0] - 3, 0), min(stretch[-1] + 4, _STATIONS)):
             disc(flat[k], shape.radii[k], tuple(_SHADE + near[k] * (_SKIN - _SHADE)))
     for sign, colour in _LINES:
         line = flat + sign * shape.radii[:, None] * normals
@@ -267,7 +340,7 @@ def _draw_arm(axes, shape, camera, shift):
     )  # fmt: skip
 
 
-def _seen(line, facing, centres, radii):
+def _seen(line: Floats, facing: Floats, centres: Floats, radii: Floats) -> NDArray[np.bool_]:
     """Which points of a line on the skin face the viewer and lie in front of all balls (centres, radii) of the arm."""
     apart = np.linalg.norm(line[:, None, :2] - centres[None, :, :2], axis=2)
     front = centres[None, :, 2] + np.sqrt(np.maximum(radii**2 - apart**2, 0.0))

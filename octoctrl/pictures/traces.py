@@ -33,7 +33,7 @@ def traces_picture(run: Execution) -> tuple[str, float, float]:
         FigureCanvasSVG(figure)
         panels = figure.subplots(4, 1, height_ratios=(1, 1, 1, 0.34 * drives))
         figure.subplots_adjust(left=0.13, right=0.89, top=0.95, bottom=0.08, hspace=0.25)
-        plots.draw_panels(panels, run, comparison)
+        plots.draw_over_time(panels, run, comparison)
         written = io.StringIO()
         figure.savefig(written, format="svg", metadata={"Date": None})
         box = panels[0].get_position()

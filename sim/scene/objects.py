@@ -145,9 +145,9 @@ class RigidObject:
                 f"object '{self.name}': kinetic friction {kinetic:g} is larger than static {static:g}; it is at most as large"
             )
         check_number(f"object '{self.name}': stiffness", self.stiffness, above=0.0, unit="Pa")
-        for label, value in (("density", self.density), ("mass", self.mass)):
-            if value is not None:
-                check_number(f"object '{self.name}': {label}", value, above=0.0, unit="kg/m^3" if label == "density" else "kg")
+        for label, given in (("density", self.density), ("mass", self.mass)):
+            if given is not None:
+                check_number(f"object '{self.name}': {label}", given, above=0.0, unit="kg/m^3" if label == "density" else "kg")
         if self.mass is not None and self.density is not None:
             raise OctoctrlError(f"object '{self.name}' has a mass and a density; give one of them")
         if self.movable and self.weight is None:
