@@ -15,7 +15,7 @@ import numpy as np
 from octoctrl import tasks
 from octoctrl.carrying.execution import execute
 from octoctrl.judging.comparison import level_delays
-from octoctrl.planners.asking.task import Goal
+from octoctrl.planners.asking.registry import goal
 from octoctrl.planners.fitting.identification import load_identified
 from octoctrl.planners.solving import trajectory
 from octoctrl.sim.plants import warmup
@@ -48,7 +48,8 @@ def rms(values):
 
 
 def model_errors(configuration):
-    activation, duration = tasks.programme("fig2c")
+    programme = tasks.programme("fig2c")
+    activation, duration = programme.activation, programme.duration
     plant = Plant(configuration.arm, configuration.scene)
     recording = plant.advance(activation, duration)
     measured = measure(recording.time, recording.points, recording.frames)
@@ -75,9 +76,9 @@ def model_errors(configuration):
 
 def with_goal(task, phase, quantity, value, tolerance=0.1):
     """The task with one goal of a phase replaced."""
-    goal = Goal(quantity=quantity, value=value, tolerance=tolerance)
+    wanted = goal(quantity, value=value, tolerance=tolerance)
     phases = [
-        replace(item, goals=(*(old for old in item.goals if old.quantity != quantity), goal)) if item.name == phase else item
+        replace(item, goals=(*(old for old in item.goals if old.quantity != quantity), wanted)) if item.name == phase else item
         for item in task.phases
     ]
     return replace(task, phases=tuple(phases))

@@ -110,15 +110,15 @@ def coil(label, changes):
 
 def helix(beside):
     """The supplement's helix: eight longitudinal muscles that contract in turn along the arm at level 1, no oblique muscle."""
-    activation, duration = tasks.programme("si9")
-    plant = oc.make_plant("assembly")
+    programme = tasks.programme("si9")
+    plant = oc.make_plant("assembly", scene=programme.scene)
     begin, stopped = process_time(), ""
     try:
-        recording = plant.advance(activation, duration)
+        recording = plant.advance(programme.activation, programme.duration)
     except PlantUnstableError as error:
         recording, stopped = error.recording, str(error)
     trace = measure(recording.time, recording.points, recording.frames)
-    spent = f"{recording.time[-1]:.2f} of {duration:g} s simulated in {process_time() - begin:.0f} s of processor time"
+    spent = f"{recording.time[-1]:.2f} of {programme.duration:g} s simulated in {process_time() - begin:.0f} s of processor time"
     print(f"\nhelix without oblique muscles (supplement): {spent}")
     if stopped:
         print(f"  {stopped}")

@@ -1,4 +1,4 @@
-"""A primitive of one's own: two methods make it work in schedules, task files, the planner and on the plant.
+"""A primitive of one's own: three methods make it work in schedules, task files, the planner and on the plant.
 
 Run with ``python examples/04_own_primitive.py [--quick]``; leaves ``04_own_primitive.png``.
 """
@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from math import inf
 
 import octoctrl as oc
-from octoctrl.files.store import register
-from octoctrl.planners.asking.schedule import PRIMITIVES
 
 
-@register  # so that plans that use it can be saved
+@oc.register_primitive  # so that task files can name it, and plans that use it can be saved
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corkscrew:
     """Bend towards one side and twist at the same time, the twist at a fixed share of the level."""
@@ -34,16 +32,17 @@ class Corkscrew:
         """Numbers that the planner may choose, and between what."""
         return {"level": (0.02, 0.75), "share": (0.0, 1.0), "rise": (0.3, 3.0)}
 
-
-PRIMITIVES["Corkscrew"] = Corkscrew  # task files and drives may name it from now on
+    def effort(self, seconds):
+        """What it costs to be on for so long."""
+        return self.level**2 * seconds
 
 
 def main(quick=False):
-    goals = (oc.Goal(quantity="twist", value=-0.5, tolerance=0.05), oc.Goal(quantity="lifted_writhe", value=-0.6, tolerance=0.1))
+    goals = (oc.goal("twist", value=-0.5, tolerance=0.05), oc.goal("lifted_writhe", value=-0.6, tolerance=0.1))
     task = oc.Task(
         name="corkscrew",
         phases=(oc.Phase(name="wind", duration=2.0, goals=goals),),
-        drives=(oc.Drive(name="screw", primitive="Corkscrew", begins="wind", free=("level", "share", "rise")),),
+        drives=(oc.Drive(name="screw", primitive=Corkscrew(), begins="wind", free=("level", "share", "rise")),),
     )
     plan = oc.plan(task)
     run = oc.execute(plan)

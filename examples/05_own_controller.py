@@ -40,7 +40,7 @@ def main(quick=False):
     task = oc.Task(  # only says how long to run: no goals, and the drive's activation is replaced by the controller's
         name="length",
         phases=(oc.Phase(name="follow", duration=3 * hold, longest=20.0),),
-        drives=(oc.Drive(name="pull", primitive="Shorten", begins="follow", free=()),),
+        drives=(oc.Drive(name="pull", primitive=oc.Shorten(), begins="follow", free=()),),
     )
     run = oc.execute(oc.plan(task), feedback=LengthController(wanted), period=0.02)
     time, length = run.recording.time, run.recording.length

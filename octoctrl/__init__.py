@@ -31,8 +31,11 @@ for _name in ("sim", "planners"):
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from octoctrl.planners.asking.schedule import Bend, BendWave, Elongate, Schedule, Shorten, Twist
-    from octoctrl.planners.asking.task import Drive, Goal, Phase, Task
+    from octoctrl.planners.asking.goals.measured import MeasuredGoal, ScalarGoal
+    from octoctrl.planners.asking.primitives import Bend, BendWave, Elongate, Shorten, Twist
+    from octoctrl.planners.asking.registry import goal, register_goal, register_primitive
+    from octoctrl.planners.asking.schedule import Schedule
+    from octoctrl.planners.asking.task import Drive, Phase, Task
     from octoctrl.planners.following import controllers
     from octoctrl.planners.solving.plan import Plan
     from octoctrl.sim.activation import Activation, Plateau, Wave
@@ -56,8 +59,11 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "octoctrl.planners.solving.plan": ("Plan",),
-    "octoctrl.planners.asking.schedule": ("Bend", "BendWave", "Elongate", "Schedule", "Shorten", "Twist"),
-    "octoctrl.planners.asking.task": ("Drive", "Goal", "Phase", "Task"),
+    "octoctrl.planners.asking.goals.measured": ("MeasuredGoal", "ScalarGoal"),
+    "octoctrl.planners.asking.primitives": ("Bend", "BendWave", "Elongate", "Shorten", "Twist"),
+    "octoctrl.planners.asking.registry": ("goal", "register_goal", "register_primitive"),
+    "octoctrl.planners.asking.schedule": ("Schedule",),
+    "octoctrl.planners.asking.task": ("Drive", "Phase", "Task"),
     "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
     "octoctrl.sim.body.arm": ("Arm",),
     "octoctrl.sim.running.batch": ("simulate_batch",),
@@ -86,13 +92,14 @@ __all__ = [
     "Drive",
     "Elongate",
     "Execution",
-    "Goal",
+    "MeasuredGoal",
     "OctoctrlError",
     "Phase",
     "Plan",
     "Plant",
     "PlantUnstableError",
     "Plateau",
+    "ScalarGoal",
     "Scene",
     "Schedule",
     "Shorten",
@@ -106,10 +113,13 @@ __all__ = [
     "compare",
     "controllers",
     "execute",
+    "goal",
     "load",
     "make_plant",
     "plan",
     "plot",
+    "register_goal",
+    "register_primitive",
     "report",
     "save",
     "simulate_batch",

@@ -1,17 +1,24 @@
 """Tasks and activation programmes by name: the files that come with the package, and files of the user's own."""
 
 import tomllib
-from dataclasses import dataclass, fields
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from octoctrl.sim.activation import Activation, Plateau, Wave
 from octoctrl.sim.errors import OctoctrlError, suggest
+from octoctrl.sim.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from .files.configuration import Configuration
 
 _HERE = Path(__file__).parent
 _TASKS = _HERE / "library"
 _PROGRAMMES = _HERE / "programmes"
 
 
-def names():
+def names() -> tuple[str, ...]:
     """Names of the tasks that come with the package.
 
     Returns
@@ -21,7 +28,7 @@ def names():
     return _names(_TASKS)
 
 
-def descriptions():
+def descriptions() -> dict[str, str]:
     """What each task is for, in one line.
 
     Returns
@@ -31,7 +38,7 @@ def descriptions():
     return {name: tomllib.loads((_TASKS / f"{name}.toml").read_text())["task"]["description"] for name in names()}
 
 
-def load(task, *, overrides=()):
+def load(task: str | Path, *, overrides: Iterable[str] = ()) -> "Configuration":
     """Load a task with its arm, scene and settings.
 
     Parameters
@@ -67,23 +74,33 @@ def load(task, *, overrides=()):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProgrammeHeader:
-    """What a programme file says besides its templates.
+class Programme:
+    """A published activation programme and the water that belongs to its figure.
 
     Attributes
     ----------
     name, description : str
     duration : float, s
-    composition : str
+    templates : tuple of Plateau and Wave
+    composition : {"override", "max", "add"}
+        How they combine; see `octoctrl.sim.activation.Activation`.
+    scene : Scene
     """
 
     name: str
     description: str
     duration: float
+    templates: tuple[Plateau | Wave, ...]
     composition: str = "override"
+    scene: Scene = field(default=Scene())
+
+    @property
+    def activation(self) -> Activation:
+        """What the muscles do."""
+        return Activation(templates=self.templates, composition=self.composition)
 
 
-def programmes():
+def programmes() -> tuple[str, ...]:
     """Names of the published activation programmes.
 
     Returns
@@ -93,12 +110,12 @@ def programmes():
     Notes
     -----
     They are those of Tekinalp et al. (2024), figures 2 to 4 and the supplement, written as templates; ``si10b`` is supplementary figure
-    10b. Levels belong to the published numerics. The squid tentacle's law is left out: it belongs to another arm.
+    10b. Levels and drag rates belong to the published numerics. The squid tentacle's law is left out: it belongs to another arm.
     """
     return _names(_PROGRAMMES)
 
 
-def programme(name):
+def programme(name: str) -> Programme:
     """Load a published activation programme.
 
     Parameters
@@ -108,32 +125,22 @@ def programme(name):
 
     Returns
     -------
-    Activation
-    float, s
-        How long it runs.
+    Programme
+        With activation, duration and scene.
 
     Raises
     ------
     OctoctrlError
         If the name is unknown.
     """
-    from octoctrl.sim.activation import Activation, Plateau, Wave
-
-    from .files.configuration import convert
+    from .files.conversion import build
+    from .files.toml_source import Source
 
     if name not in programmes():
         raise OctoctrlError(f"unknown programme '{name}'{suggest(name, programmes())} ({', '.join(programmes())})")
-    file = f"{name}.toml"
-    data = tomllib.loads((_PROGRAMMES / file).read_text(encoding="utf-8"))
-    header = convert(ProgrammeHeader, {item.name: data[item.name] for item in fields(ProgrammeHeader) if item.name in data}, name=file)
-    kinds = {"Plateau": Plateau, "Wave": Wave}
-    templates = []
-    for table in data["templates"]:
-        kind = table.pop("kind", None)
-        if kind not in kinds:
-            raise OctoctrlError(f"{file}: unknown kind '{kind}'{suggest(kind, kinds)} ({', '.join(kinds)})")
-        templates.append(convert(kinds[kind], table, name=file))
-    return Activation(templates=tuple(templates), composition=header.composition), header.duration
+    text = (_PROGRAMMES / f"{name}.toml").read_text(encoding="utf-8")
+    made: Programme = build(Programme, tomllib.loads(text), Source(f"{name}.toml", text))
+    return made
 
 
 def _names(folder: Path) -> tuple[str, ...]:

@@ -40,88 +40,133 @@ class Outputs(Protocol):
     """What a goal may read of the arm, at T instants.
 
     On a recording these are arrays of all instants; on the reduced model they are CasADi expressions of one instant, with T = 1 (and a
-    quantity of shape (T,) is 1 by 1). A goal calculates with `math` (`numpy` or `casadi`), element by element, and sums along the arm by
-    ``row @ weights``, so that one formula serves both.
-
-    Attributes
-    ----------
-    math : module
-        `numpy` or `casadi`: for ``sqrt, fmax, fmin, sin, cos, atan2``.
-    arm : Arm
-    twist, lifted_writhe, lifted_link : (T,), turns
-    length : (T,), m
-    uturn : (T,)
-        1 + tip tangent . base tangent: near zero the writhe's branch is a matter of chance.
-    tip, tip_tangent : (T, 3), m and unit vector
-    stations : (n + 2,) float64, m
-        Rest arclengths of the plant's frames: base, element centres, tip.
-    curvatures : three of (T, n + 1), 1/m
-        Material curvatures k1, k2, k3, means between neighbouring stations.
-    stretch : (T, n)
-        Of the elements.
-    points : three of (T, n + 1), m
-        x, y, z of the nodes.
+    quantity of shape (T,) is 1 by 1). A goal calculates with `math`, element by element, sums along the arm by ``row @ weights`` and takes
+    a column by ``row[:, index]``, so that one formula serves both.
     """
 
-    math: Any
-    arm: Arm
-    twist: Expression
-    lifted_writhe: Expression
-    lifted_link: Expression
-    length: Expression
-    uturn: Expression
-    tip: Expression
-    tip_tangent: Expression
-    stations: Floats
-    curvatures: tuple[Expression, Expression, Expression]
-    stretch: Expression
-    points: tuple[Expression, Expression, Expression]
+    @property
+    def math(self) -> Any:
+        """`numpy` or `casadi`: for ``sqrt, fmax, fmin, sin, cos, atan2``."""
+        ...
+
+    @property
+    def arm(self) -> Arm:
+        """The arm that is read."""
+        ...
+
+    @property
+    def twist(self) -> Expression:
+        """(T,), turns."""
+        ...
+
+    @property
+    def lifted_writhe(self) -> Expression:
+        """(T,), turns."""
+        ...
+
+    @property
+    def lifted_link(self) -> Expression:
+        """(T,), turns."""
+        ...
+
+    @property
+    def length(self) -> Expression:
+        """(T,), m."""
+        ...
+
+    @property
+    def uturn(self) -> Expression:
+        """1 + tip tangent . base tangent, (T,): near zero the writhe's branch is a matter of chance."""
+        ...
+
+    @property
+    def tip(self) -> Expression:
+        """(T, 3), m."""
+        ...
+
+    @property
+    def tip_tangent(self) -> Expression:
+        """Unit vectors (T, 3)."""
+        ...
+
+    @property
+    def stations(self) -> Floats:
+        """Rest arclengths (n + 2,) of the plant's frames, m: base, element centres, tip."""
+        ...
+
+    @property
+    def curvatures(self) -> tuple[Expression, Expression, Expression]:
+        """Material curvatures k1, k2, k3, each (T, n + 1), 1/m: means between neighbouring stations."""
+        ...
+
+    @property
+    def points(self) -> tuple[Expression, Expression, Expression]:
+        """Laboratory x, y, z of the nodes, each (T, n + 1), m."""
+        ...
 
 
 class Reach(Protocol):
     """What an arm can do at rest under levels up to `level`; see `octoctrl.planners.model.reach.ReachLimits`."""
 
-    level: float
-    twist: dict[str, float]
-    turns: float
-    writhe: float
-    length: tuple[float, float]
+    @property
+    def level(self) -> float:
+        """Largest level."""
+        ...
+
+    @property
+    def twist(self) -> dict[str, float]:
+        """Stored by each oblique family alone, with its sign, turns."""
+        ...
+
+    @property
+    def writhe(self) -> float:
+        """Largest size of the lifted writhe, turns."""
+        ...
+
+    @property
+    def length(self) -> tuple[float, float]:
+        """Shortest and longest, m."""
+        ...
 
 
 @runtime_checkable
 class Goal(Protocol):
     """Something that has to hold in a phase: one definition, read on the reduced model for planning and on the recording for the verdict.
 
-    Attributes
-    ----------
-    quantity : str
-        What it is about, as task files and verdicts call it.
-    when : When
-        At the end of its phase, or throughout.
-    hold : float, s
-        For how long before the end it has to hold already.
-    tolerance : float
-        Largest miss that still counts as reached, in `unit`.
-    unit : str
-        ``"turns"``, ``"m"``, ``"rad"`` or ``""``.
-
-    Notes
-    -----
     ``str(goal)`` is the goal in words, for messages: ``"twist -1 ± 0.1 turns"``.
     """
 
-    quantity: str
-    when: When
-    hold: float
-    tolerance: float
-    unit: str
+    @property
+    def quantity(self) -> str:
+        """What it is about, as task files and verdicts call it."""
+        ...
+
+    @property
+    def when(self) -> When:
+        """At the end of its phase, or throughout."""
+        ...
+
+    @property
+    def hold(self) -> float:
+        """For how long before the end it has to hold already, s."""
+        ...
+
+    @property
+    def tolerance(self) -> float:
+        """Largest miss that still counts as reached, in `unit`."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """``"turns"``, ``"m"``, ``"1/m"``, ``"rad"`` or ``""``."""
+        ...
 
     def miss(self, recording: Recording, trace: TopologyTrace, arm: Arm) -> Floats:
         """By how much it is missed at each instant of a recording, (T,) in `unit`: 0 where it holds exactly."""
         ...
 
     def residuals(self, outputs: Outputs) -> list[Expression]:
-        """The same on the reduced model at one instant: expressions in `unit` whose root of the sum of squares is the miss."""
+        """Expressions in `unit`, one by one of shape (T,), whose root of the sum of squares is the miss."""
         ...
 
     def beyond(self, reach: Reach) -> str:
@@ -149,8 +194,15 @@ class Primitive(Protocol):
 class ReducedMotion(Protocol):
     """Motion of a reduced model, T instants, S sections."""
 
-    time: Floats
-    strains: Floats
+    @property
+    def time(self) -> Floats:
+        """(T,), s."""
+        ...
+
+    @property
+    def strains(self) -> Floats:
+        """(T, S, 4): k1, k2, k3 (1/m) and stretch."""
+        ...
 
 
 class Sensitivity(NamedTuple):

@@ -346,8 +346,8 @@ def test_a_plan_that_is_not_solved_needs_a_word(short, status):
 
 
 def test_a_plan_that_is_refused_can_still_be_run():
-    goal = oc.Goal(quantity="twist", value=-9.0)
-    drive = oc.Drive(name="store", primitive="Twist", begins="store", settings={"hand": "R-OM", "level": 0.2})
+    goal = oc.goal("twist", value=-9.0)
+    drive = oc.Drive(name="store", primitive=oc.Twist(hand="R-OM", level=0.2), begins="store")
     refused = oc.plan(oc.Task(name="much", phases=(oc.Phase(name="store", duration=0.3, goals=(goal,)),), drives=(drive,)))
     assert refused.status is PlanStatus.UNREACHABLE
     run = oc.execute(refused, allow_unsolved=True, patience=0.0)

@@ -18,11 +18,11 @@ def printed(tmp_path, monkeypatch, capsys):
     from matplotlib import pyplot
 
     from octoctrl.files import store
-    from octoctrl.planners.asking import schedule
+    from octoctrl.planners.asking import registry
 
     pyplot.switch_backend("Agg")
     monkeypatch.chdir(tmp_path)
-    primitives, registered = dict(schedule.PRIMITIVES), dict(store._REGISTERED)
+    primitives, registered = dict(registry._PRIMITIVES), dict(store._REGISTERED)
 
     def run(name):
         monkeypatch.setattr(sys, "argv", [name, "--quick"])
@@ -32,7 +32,7 @@ def printed(tmp_path, monkeypatch, capsys):
         return capsys.readouterr().out
 
     yield run
-    for kept, before in ((schedule.PRIMITIVES, primitives), (store._REGISTERED, registered)):
+    for kept, before in ((registry._PRIMITIVES, primitives), (store._REGISTERED, registered)):
         for added in set(kept) - set(before):
             del kept[added]
     pyplot.close("all")

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from octoctrl import tasks
-from octoctrl.planners.asking.schedule import Schedule, Twist
+from octoctrl.planners.asking.primitives import Twist
+from octoctrl.planners.asking.schedule import Schedule
 from octoctrl.planners.fitting.identification import load_identified
 from octoctrl.planners.following import tracking as feedback
 from octoctrl.planners.following.tracking import BIAS_SHARE, TOPOLOGY_ERROR, Tracker, design

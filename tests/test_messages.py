@@ -13,7 +13,7 @@ from octoctrl import tasks
 from octoctrl.carrying.results import ExecutionStatus
 from octoctrl.cli.application import main
 from octoctrl.files import store
-from octoctrl.planners.asking.schedule import primitive
+from octoctrl.planners.asking.registry import primitive
 from octoctrl.sim.errors import OctoctrlError
 
 TEMPLATE = """[task]
@@ -42,15 +42,38 @@ OBJECTS = [
     (lambda: oc.Arm(base_radius=0.08), "radius 0.08 m for a 0.20 m arm: rod theory wants radius/length < 0.25, found 0.40"),
     (lambda: oc.Arm.octopus(lenght=0.2), f"Arm has no field 'lenght'; did you mean 'length'? ({', '.join(item.name for item in fields(oc.Arm))})"),
     (lambda: oc.Phase(name="store", duration=0), "phase 'store': duration=0 s is outside 0.3…4 s"),
-    (lambda: oc.Goal(quantity="twist", value=float("nan")), "goal twist is nan; a finite number is needed"),
+    (lambda: oc.goal("twist", value=float("nan")), "goal twist is nan; a finite number is needed"),
     (lambda: primitive("bendwave"), "unknown primitive 'bendwave'; did you mean 'BendWave'? (Bend, BendWave, Elongate, Shorten, Twist)"),
     (lambda: oc.Schedule(primitives=(), duration=1.0), "no primitives given; pass at least one or leave it out for the task's default (Bend, BendWave, Elongate, Shorten, Twist)"),
+    (lambda: oc.goal("twits", value=1.0), "unknown quantity 'twits'; did you mean 'twist'? (length, lifted_link, lifted_writhe, twist)"),
+    (lambda: oc.goal("twist"), "goal twist: none is given; one of value, at_least, at_most, between is needed"),
+    (lambda: oc.goal("twist", value=1.0, at_least=0.5), "goal twist: value and at_least are given; one of value, at_least, at_most, between is needed"),
+    (lambda: oc.goal("twist", between=(0.5, -0.5)), "goal twist: between (0.5, -0.5): the first must not be above the second"),
+    (lambda: oc.goal("twist", value=1.0, hold=-1.0), "hold=-1 s is outside >= 0 s"),
+    (lambda: task(goals=(oc.goal("twist", value=-1.0), oc.goal("twist", at_least=0.0))), "phase 'a' asks for twist -1 ± 0.05 turns and for twist at least 0 ± 0.05 turns; no shape has both, give one of them"),
+    (lambda: task(goals=(oc.goal("twist", value=-1.0, hold=5.0),)), "phase 'a' lasts 4 s at most and is asked to hold twist -1 ± 0.05 turns for 5 s; hold it for less or allow a longer phase"),
+    (lambda: task(goals=("twist",)), "phase 'a': 'twist' is no goal, it has no quantity and no when and no tolerance and no unit and no miss and no residuals and no beyond"),
+    (lambda: task(names=("a", "b", "a")), "two phases are called 'a'; give each a name of its own (a, b, a)"),
+    (lambda: task(drives=2), "two drives are called 'bend'; give each a name of its own (bend, bend)"),
+    (lambda: task(begins="b", ends="a"), "drive 'bend' begins with 'b' and ends with 'a'; ends must be nothing, for it begins with the last phase"),
+    (lambda: task(begins="a", ends="a"), "drive 'bend' begins with 'a' and ends with 'a'; ends must be a later phase (b), or nothing"),
+    (lambda: task(level=0.9), "drive 'bend': level=0.9 is outside 0.02…0.75; the planner chooses within these bounds; take it out of free to fix it"),
+    (lambda: task(pole=(0, -1, 0)), "task 'task': pole (0.0, -1.0, 0.0) is opposite to the arm's base (0.0, 1.0, 0.0), where lifted writhe has no value; give the axis of the expected coil, for example (0, 0, 1)"),
+    (lambda: oc.Drive(name="bend", primitive="Bend", begins="a"), "drive 'bend': 'Bend' is no primitive, it has no templates and no bounds and no effort (Bend, BendWave, Elongate, Shorten, Twist)"),
+    (lambda: oc.Drive(name="bend", primitive=oc.Bend(onset=1.0), begins="a"), "drive 'bend': onset follows from the phases; use begins and ends"),
+    (lambda: oc.Schedule(primitives=(oc.Bend(),), duration=-1.0), "duration=-1 s is outside > 0 s"),
     (lambda: oc.TopologyConvention(pole=(0, 0)), "pole is (0, 0); three finite numbers are needed, not all zero, for example (0, 0, 1)"),
     (lambda: saturated().levels([0.62], np.linspace(0, 0.2, 21)), "activation of LM1 reaches 1.34 at t=0.62 s, s=0.01 m (Plateau 0.80 + Plateau 0.54); scale, shift, or pass on_saturation='clip'"),
     (lambda: oc.Activation(composition="sum"), "unknown composition 'sum' (override, max, add)"),
     (lambda: tasks.load("coli"), "unknown task 'coli'; did you mean 'coil'? (coil, or the path of a .toml file)"),
     (lambda: tasks.programme("fig2f"), "unknown programme 'fig2f'; did you mean 'fig4f'? (fig2c, fig2e, fig3a, fig3b, fig3c, fig4a, fig4e, fig4f, fig4g, fig4i, si10b, si11a, si9)"),
 ]  # fmt: skip
+
+
+def task(names=("a", "b"), goals=(), begins="a", ends="", drives=1, level=0.3, pole=(0, 0, 1)):
+    phases = tuple(oc.Phase(name=name, duration=1.0, goals=goals) for name in names)
+    drive = oc.Drive(name="bend", primitive=oc.Bend(level=level), begins=begins, ends=ends)
+    return oc.Task(name="task", phases=phases, drives=(drive,) * drives, convention=oc.TopologyConvention(pole=pole))
 
 
 def saturated():
@@ -71,16 +94,21 @@ FILES = [
     ("duration = 1.0", "duration = true", "reach.toml:6 task.phases[0].duration: expected a number in seconds, found true"),
     ("duration = 1.0", "duration = -1", "reach.toml:6 task.phases[0].duration: phase 'store': duration=-1 s is outside 0.3…4 s"),
     ("duration = 1.0", "", "reach.toml:4 task.phases[0]: 'duration' is missing"),
-    ('"twist", value', '"twits", value', "reach.toml:7 task.phases[0].goals[0]: unknown quantity 'twits'; did you mean 'twist'? (twist, lifted_writhe, lifted_link, length)"),
+    ('"twist", value', '"twits", value', "reach.toml:7 task.phases[0].goals[0]: unknown quantity 'twits'; did you mean 'twist'? (length, lifted_link, lifted_writhe, twist)"),
     ("length = 0.2", "length = '8 inch'", "reach.toml:16 arm.length: unit 'inch' not known; use m, cm, mm"),
     ("length = 0.2", "length = 20", "reach.toml:16 arm.length: length=20 m is outside 0.001…5 m; lengths are SI - did you mean 0.20 (20 cm)?"),
     ("length = 0.2", "elements = 9.5", "reach.toml:16 arm.elements: expected a whole number, found the number 9.5"),
     ("length = 0.2", "densities = [1, 2]", "reach.toml:16 arm.densities: expected 4 values, found 2"),
     ('primitive = "Twist"', 'primitive = "bendwave"', "reach.toml:11 task.drives[0].primitive: unknown primitive 'bendwave'; did you mean 'BendWave'? (Bend, BendWave, Elongate, Shorten, Twist)"),
     ("level = 0.3", "levle = 0.3", "reach.toml:13 task.drives[0].settings.levle: unknown key; did you mean 'level'? (known: level, onset, rise, offset, fall, window, hand)"),
-    ("level = 0.3", "level = 3", "reach.toml:9 task.drives[0]: level=3 is outside 0…1"),
+    ("level = 0.3", "level = 3", "reach.toml:13 task.drives[0].settings: level=3 is outside 0…1"),
     ('begins = "store"', 'begins = "stor"', "reach.toml:1 task: drive 'twist': unknown phase 'stor'; did you mean 'store'? (store)"),
     ("[arm]", "[arm", "reach.toml:15: not valid TOML: expected ']' at the end of a table declaration"),
+    ('value = -1.0', 'valeu = -1.0', "reach.toml:7 task.phases[0].goals[0].valeu: unknown key; did you mean 'value'? (known: tolerance, when, hold, value, at_least, at_most, between)"),
+    ('"twist", value = -1.0', '"twist", when = "always", value = -1.0', "reach.toml:7 task.phases[0].goals[0].when: expected end or throughout, found the string 'always'"),
+    ('{ quantity = "twist", value = -1.0 }', '{ value = -1.0 }', "reach.toml:7 task.phases[0].goals[0]: 'quantity' is missing"),
+    ("length = 0.2", "length = 1" + 400 * "0", "reach.toml:16 arm.length: the number is beyond 1e308"),
+    ("[arm]", "a = " + 3000 * "[" + "\n[arm]", "reach.toml: not valid TOML: brackets are nested too deeply"),
     ("[arm]", "[run]\nfeedback = 'tvlq'\n[arm]", "reach.toml:16 run.feedback: unknown feedback 'tvlq'; did you mean 'tvlqr'? (tvlqr, open-loop)"),
 ]  # fmt: skip
 
@@ -100,6 +128,7 @@ COMMANDS = [
     (["plan", "coil", "-o", "plan.npz", "--set", "task.taget=1"], f"--set task.taget: unknown key (known: {TASK_KEYS})"),
     (["plan", "coil", "-o", "plan.npz", "--set", "task.phases.stor.duration=1"], "--set task.phases: no element 'stor'; did you mean 'store'? (store, open, spiral, cross, telescope)"),
     (["plan", "coil", "-o", "plan.npz", "--set", "arm.length"], "--set arm.length: expected key=value, for example --set task.phases.store.duration=1.2"),
+    (["plan", "coil", "-o", "plan.npz", "--set", "...=1"], "--set ...=1: expected key=value, for example --set task.phases.store.duration=1.2"),
     (["plan", "coil", "-o", "plan.npz", "--set", "plan.time_limit=0"], "--set plan.time_limit: time_limit=0 s is outside > 0 s"),
     (["plan", "none.toml", "-o", "plan.npz"], "none.toml does not exist; print a template with: octoctrl tasks coil --show > none.toml"),
     (["plan", "coil", "-o", "plan.mat"], "unknown format '.mat'; use .npz"),

@@ -15,7 +15,8 @@ from octoctrl.carrying.identifying import identify, load_model
 from octoctrl.carrying.results import ExecutionStatus
 from octoctrl.cli.application import main
 from octoctrl.files import store
-from octoctrl.files.configuration import parse, toml_of
+from octoctrl.files.configuration import parse
+from octoctrl.files.toml_writing import toml_of
 from octoctrl.judging.verification import verify
 from octoctrl.planners.fitting import identification
 from octoctrl.planners.model.parameters import ReducedParameters

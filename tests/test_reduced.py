@@ -11,6 +11,7 @@ from octoctrl.planners.model.drag import SLOWEST, element_edges
 from octoctrl.planners.model.dynamics import functions
 from octoctrl.planners.model.kinematics import BASE_FRAME, hat_means, hat_values, rotation_vectors, rotations
 from octoctrl.planners.model.parameters import FACTORS
+from octoctrl.planners.model.readings import OUTPUTS
 from octoctrl.planners.model.reduced import LAWS, ReducedModel, ReducedParameters
 from octoctrl.planners.model.statics import CONSTANTS, section_constants
 from octoctrl.sim.activation import Activation, Plateau
@@ -247,7 +248,8 @@ def test_output_slopes_are_derivatives(model, bent):
         plus, minus = (model.output_slopes((strains + s * shift)[None], pole)[0] for s in (1, -1))
         expected = (plus - minus)[0] / (2 * step)
         np.testing.assert_allclose(slopes[0, :, section, strain], expected, rtol=1e-5, atol=1e-7)
-    assert values.shape == (1, 8)
+    assert values.shape == (1, len(OUTPUTS))
+    np.testing.assert_allclose(values[0, OUTPUTS.index("tangent1") :], model.frames(strains)[-1, 2], atol=1e-7)
 
 
 # Physics

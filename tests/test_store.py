@@ -19,6 +19,7 @@ from octoctrl.carrying.results import ExecutionStatus, VerdictStatus
 from octoctrl.files import store, writing
 from octoctrl.judging.verification import verify
 from octoctrl.planners.contracts import ControllerReport
+from octoctrl.sim.activation import Plateau
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.topology.trace import TopologyConvention
 
@@ -46,7 +47,7 @@ def test_plan_and_execution_come_back_to_the_last_bit(tmp_path, coil_plan, coil_
 
 def test_programmes_come_back(tmp_path):
     for name in tasks.programmes():
-        activation, _ = tasks.programme(name)
+        activation = tasks.programme(name).activation
         assert store.load(store.save(tmp_path / f"{name}.npz", activation)) == activation
 
 
@@ -99,6 +100,15 @@ class Nod:
     """A primitive of a user's own."""
 
     level: float = 0.3
+
+    def templates(self):
+        return (Plateau(groups=("LM1",), level=self.level),)
+
+    def bounds(self):
+        return {}
+
+    def effort(self, seconds):
+        return 0.0
 
 
 @store.register

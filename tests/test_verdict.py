@@ -12,7 +12,7 @@ from verdict_scenes import EDGES, END, GOALS, RECORDED, Motion, bump, moved, pla
 
 from octoctrl.carrying.results import Check, ExecutionStatus, Verdict, VerdictStatus, VerificationFailedError
 from octoctrl.judging.verification import Limits, verify
-from octoctrl.planners.asking.task import Goal
+from octoctrl.planners.asking.registry import goal
 from octoctrl.sim.errors import OctoctrlError
 
 PLANNED = Motion()
@@ -61,10 +61,10 @@ def asking(phase, goal):
 FAILING = {
     "unfinished_phases": lambda: without_last_event(carried_out()),
     "unstable": lambda: carried_out(status=ExecutionStatus.UNSTABLE),
-    "store.twist": lambda: asking("store", Goal(quantity="twist", value=-0.5, tolerance=0.09)),
-    "curl.lifted_writhe": lambda: asking("curl", Goal(quantity="lifted_writhe", value=-0.9, tolerance=0.1)),
-    "cross.lifted_link": lambda: asking("cross", Goal(quantity="lifted_link", value=-1.8, tolerance=0.15)),
-    "rest.length": lambda: asking("rest", Goal(quantity="length", value=0.195, tolerance=0.004)),
+    "store.twist": lambda: asking("store", goal("twist", value=-0.5, tolerance=0.09)),
+    "curl.lifted_writhe": lambda: asking("curl", goal("lifted_writhe", value=-0.9, tolerance=0.1)),
+    "cross.lifted_link": lambda: asking("cross", goal("lifted_link", value=-1.8, tolerance=0.15)),
+    "rest.length": lambda: asking("rest", goal("length", value=0.195, tolerance=0.004)),
     "writhe_rms": lambda: carried_out(bent(1.4, 2.95, 0.057)),
     "writhe_max": lambda: carried_out(bent(1.8, 2.1, 0.1)),
     "twist_rms": lambda: carried_out(twisted(0.1, 1.2, 0.13)),
@@ -97,9 +97,9 @@ def plain_reading(run):
         "unstable": (1 if run.status is ExecutionStatus.UNSTABLE else 0, 0),
     }
     for phase in plan.task.phases:
-        for goal in phase.goals:
-            value = np.interp(ends[phase.name], times, found[goal.quantity]) if phase.name in ends else inf
-            values[f"{phase.name}.{goal.quantity}"] = (abs(value - goal.value), goal.tolerance)
+        for wanted in phase.goals:
+            value = np.interp(ends[phase.name], times, found[wanted.quantity]) if phase.name in ends else inf
+            values[f"{phase.name}.{wanted.quantity}"] = (abs(value - wanted.value), wanted.tolerance)
     writhe, twist = (found[name] - planned[name] for name in ("lifted_writhe", "twist"))
     crossed = [settled(times, found["crossings"], found["lifted_writhe"])]
     crossed.append(settled(plan.trace.time, plan.trace.crossings, plan.trace.lifted_writhe))
@@ -201,11 +201,11 @@ def test_a_value_at_its_limit_passes_and_one_just_beyond_fails(name):
 
 @pytest.mark.parametrize("quantity", ["twist", "lifted_writhe", "lifted_link", "length"])
 def test_a_goal_at_its_tolerance_is_met_and_one_just_beyond_is_not(quantity):
-    goal = Goal(quantity=quantity, value=0.1, tolerance=1.0)
-    value = next(check.value for check in verify(asking("cross", goal)).checks if check.name == f"cross.{quantity}")
+    wanted = goal(quantity, value=0.1, tolerance=1.0)
+    value = next(check.value for check in verify(asking("cross", wanted)).checks if check.name == f"cross.{quantity}")
     assert value > 0.05
     for tolerance, met in ((value, True), (np.nextafter(value, 0.0), False)):
-        verdict = verify(asking("cross", replace(goal, tolerance=tolerance)))
+        verdict = verify(asking("cross", replace(wanted, tolerance=tolerance)))
         assert {check.name: check.passed for check in verdict.checks}[f"cross.{quantity}"] is met
         assert verdict.passed is met
 

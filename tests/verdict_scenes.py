@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from octoctrl.carrying.results import Event, Execution
+from octoctrl.planners.asking.primitives import Twist
+from octoctrl.planners.asking.registry import goal
 from octoctrl.planners.asking.schedule import Schedule
-from octoctrl.planners.asking.task import Drive, Goal, Phase, Task
+from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.model.kinematics import element_points, element_stations, integrate_frames, section_bounds
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.planners.solving.plan import Plan, PlanStatus
@@ -55,9 +57,9 @@ def posed(arm, strains):
 
 
 GOALS = {
-    "store": (Goal(quantity="twist", value=-0.55, tolerance=0.1),),
-    "curl": (Goal(quantity="lifted_writhe", value=-0.7, tolerance=0.1), Goal(quantity="length", value=0.191, tolerance=0.004)),
-    "cross": (Goal(quantity="lifted_link", value=-1.95, tolerance=0.1),),
+    "store": (goal("twist", value=-0.55, tolerance=0.1),),
+    "curl": (goal("lifted_writhe", value=-0.7, tolerance=0.1), goal("length", value=0.191, tolerance=0.004)),
+    "cross": (goal("lifted_link", value=-1.95, tolerance=0.1),),
     "rest": (),
 }
 
@@ -69,7 +71,7 @@ def plan_of(motion, *, goals=GOALS, elements=48, **changes):
     phases = tuple(
         Phase(name=name, duration=end - begin, goals=goals[name]) for (name, begin), end in zip(EDGES.items(), ends, strict=True)
     )
-    drive = Drive(name="wind", primitive="Twist", begins="store", settings={"hand": "R-OM", "level": 0.25})
+    drive = Drive(name="wind", primitive=Twist(hand="R-OM", level=0.25), begins="store")
     task = Task(name="by hand", phases=phases, drives=(drive,))
     time = np.linspace(0.0, END, 241)
     strains = motion.strains(time)

@@ -33,7 +33,8 @@ def programmes(full):
     def held(groups, level):
         return Activation(templates=(Plateau(groups=groups, level=level),))
 
-    chosen = {"one group: LM1 at 0.3": (held(("LM1",), 0.3), 4.0), "all groups: Fig 2c": tasks.programme("fig2c")}
+    whole = tasks.programme("fig2c")
+    chosen = {"one group: LM1 at 0.3": (held(("LM1",), 0.3), 4.0), "all groups: Fig 2c": (whole.activation, whole.duration)}
     if full:
         chosen |= {
             "one group: R-OM at 0.3": (held(("R-OM",), 0.3), 2.0),
@@ -187,7 +188,7 @@ def assembly_precision(*, full=False):
     from octoctrl.sim.assembly.plant import AssemblyPlant
 
     duration, case = (0.6, "Fig 2c to 0.6 s") if full else (0.2, "Fig 2c to 0.2 s")
-    activation, _ = tasks.programme("fig2c")
+    activation = tasks.programme("fig2c").activation
     reference = AssemblyPlant(dt=1e-5, record_every=EVERY).advance(activation, duration)
 
     def make(**settings):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from octoctrl.planners.asking.task import miss_in_phase
 from octoctrl.planners.contracts import ClockReading, Controller, Observation
 from octoctrl.planners.following.controllers import controller
 from octoctrl.planners.solving.plan import Plan, PlanStatus
@@ -202,10 +203,11 @@ class _Run:
     def _met(self, phase: str) -> bool:
         """Whether the goals of a phase hold on the plant now."""
         goals = next(item.goals for item in self.plan.task.phases if item.name == phase)
-        trace, length = self.meter.trace, self.pieces[-1].length[-1]
-        values = {"twist": trace.twist[-1], "lifted_writhe": trace.lifted_writhe[-1], "length": length}
-        values["lifted_link"] = values["twist"] + values["lifted_writhe"]
-        return all(abs(values[goal.quantity] - goal.value) <= goal.tolerance for goal in goals)
+        if not goals:
+            return True
+        recording, trace, arm = Recording.joined(self.pieces), self.meter.trace, self.plan.arm
+        begin, now = self.events[-1].actual if self.events else 0.0, recording.time[-1]
+        return all(miss_in_phase(goal, recording.time, goal.miss(recording, trace, arm), begin, now) <= goal.tolerance for goal in goals)
 
     def _result(self, status: ExecutionStatus, note: str, wall_time: float, cause: str = "") -> Execution:
         if not self.pieces:

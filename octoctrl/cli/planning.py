@@ -27,7 +27,7 @@ def tasks(
 ) -> ExitCode:
     """List the tasks that come with octoctrl, or print one as a file."""
     if show:
-        from ..files.configuration import toml_of
+        from ..files.toml_writing import toml_of
 
         if name is None:
             raise OctoctrlError(f"--show needs the name of a task ({', '.join(registry.names())})")
@@ -104,7 +104,7 @@ def configuration_of(task: str, settings: list[str] | None, plant: str | None) -
 
 def origin_of(configuration: "Configuration") -> dict[str, str]:
     """What the header of a file says of where it came from."""
-    from ..files.configuration import toml_of
+    from ..files.toml_writing import toml_of
 
     return {"configuration": toml_of(configuration)}
 

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from octoctrl import __version__
+from octoctrl.planners.asking.registry import stored_kinds
 from octoctrl.sim.errors import OctoctrlError
 
 from .writing import check_target, written_aside
@@ -37,9 +38,9 @@ _HOMES = {
     "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
     "octoctrl.sim.running.recording": ("Recording",),
     "octoctrl.sim.topology.trace": ("TopologyTrace", "TopologyConvention"),
-    "octoctrl.planners.asking.schedule": ("Bend", "BendWave", "Elongate", "Schedule", "Shorten", "Twist"),
-    "octoctrl.planners.asking.task": ("Drive", "Goal", "Phase", "Task"),
     "octoctrl.planners.contracts": ("ControllerReport", "When"),
+    "octoctrl.planners.asking.schedule": ("Schedule",),
+    "octoctrl.planners.asking.task": ("Drive", "Phase", "Task"),
     "octoctrl.planners.model.parameters": ("ReducedParameters",),
     "octoctrl.planners.model.reduced": ("ReducedModel", "ReducedMotion"),
     "octoctrl.planners.solving.plan": ("GoalReport", "Plan", "PlanReport", "PlanStatus"),
@@ -240,19 +241,25 @@ def _versions() -> dict[str, str]:
 
 
 def _class(name: str) -> Any:
-    if name in _REGISTERED:
-        return _REGISTERED[name]
-    if name not in _HOME_OF:
+    kind = _known(name)
+    if kind is None:
         raise _UnknownClassError(
             f"the file holds a '{name}', which this program does not know; call octoctrl.files.store.register({name}) first"
         )
-    return getattr(importlib.import_module(_HOME_OF[name]), name)
+    return kind
+
+
+def _known(name: str) -> Any:
+    """The class of that name that files may hold, or None; primitives and goals have registries of their own."""
+    if name in _HOME_OF:
+        return getattr(importlib.import_module(_HOME_OF[name]), name)
+    return _REGISTERED.get(name) or stored_kinds().get(name)
 
 
 def _encode(item: Any, arrays: dict[str, np.ndarray], place: str) -> Any:
     """Turn an object into a JSON tree; arrays go to `arrays`, by place."""
     name = type(item).__name__
-    known = (name in _HOME_OF or name in _REGISTERED) and type(item) is _class(name)
+    known = type(item) is _known(name)
     if known and isinstance(item, Enum):  # before anything that its members may be as well: text, a number
         return {"enum": name, "name": item.name}
     if item is None or isinstance(item, bool) or (isinstance(item, str) and not isinstance(item, Enum)):

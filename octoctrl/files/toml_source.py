@@ -2,17 +2,22 @@
 
 import re
 import tomllib
+from typing import Any
 
 from octoctrl.sim.errors import OctoctrlError, suggest
+
+Path = tuple[str | int, ...]
+"""Keys and numbers of elements on the way to a value."""
 
 
 class Source:
     """A file's `name`, the lines of its keys, and which keys were set on the command line instead."""
 
-    def __init__(self, name, text):
-        self.name, self.lines, self.overridden = name, _line_numbers(text), []
+    def __init__(self, name: str, text: str) -> None:
+        self.name, self.lines = name, _line_numbers(text)
+        self.overridden: list[Path] = []
 
-    def where(self, path):
+    def where(self, path: Path) -> str:
         """Say where the value at `path` was written: ``file:line key.path``."""
         key = dotted(path)
         if not path:
@@ -24,7 +29,7 @@ class Source:
                 return f"{self.name}:{self.lines[path[:length]]} {key}"
         return f"{self.name} {key}"
 
-    def culprit(self, path, complaint):
+    def culprit(self, path: Path, complaint: str) -> Path:
         """The key under `path` that a complaint about the whole table is about, as far as one can tell."""
         overridden = [key for key in self.overridden if key[: len(path)] == path]
         keys = {*overridden, *self.lines}
@@ -32,7 +37,7 @@ class Source:
         return [*named, *overridden, path][0]
 
 
-def dotted(path):
+def dotted(path: Path) -> str:
     """Write a `path` of keys and numbers as ``a.b[0].c``."""
     text = ""
     for step in path:
@@ -40,9 +45,13 @@ def dotted(path):
     return text
 
 
-def _line_numbers(text):
+def _line_numbers(text: str) -> dict[Path, int]:
     """Map key paths to line numbers by reading headers, assignments and one-line elements of arrays."""
-    lines, table, counts, open_array, quoted = {}, (), {}, None, False
+    lines: dict[Path, int] = {}
+    table: Path = ()
+    counts: dict[Path, int] = {}
+    open_array: Path | None = None
+    quoted = False
     for number, line in enumerate(text.splitlines(), start=1):
         toggles = line.count('"""') % 2 == 1
         if quoted:
@@ -76,17 +85,18 @@ def _line_numbers(text):
     return lines
 
 
-def assign(data, assignment):
+def assign(data: dict[str, Any], assignment: str) -> Path:
     """Carry out an `assignment` ``a.b[0].c=value`` on nested tables `data` and return the path as a tuple."""
     key, equals, raw = assignment.partition("=")
-    if not equals or not key.strip():
+    steps = [int(step[1:-1]) if step.startswith("[") else step for step in re.findall(r"\[\d+\]|[^.\[\]]+", key.strip())]
+    if not equals or not steps:
         raise OctoctrlError(f"--set {assignment}: expected key=value, for example --set task.phases.store.duration=1.2")
     try:
         value = tomllib.loads(f"value = {raw.strip()}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError):
         value = raw.strip()
-    steps = [int(step[1:-1]) if step.startswith("[") else step for step in re.findall(r"\[\d+\]|[^.\[\]]+", key.strip())]
-    path, target = (), data
+    path: Path = ()
+    target: Any = data
     for step in steps[:-1]:
         step = _element(target, step, path)
         if isinstance(target, dict):
@@ -99,11 +109,11 @@ def assign(data, assignment):
     return (*path, last)
 
 
-def _element(target, step, path):
+def _element(target: Any, step: str | int, path: Path) -> str | int:
     """Index of an element of a list, given its index or its name."""
     if not isinstance(target, list):
         return str(step)
-    names = [item.get("name", "") for item in target if isinstance(item, dict)]
+    names = [str(item.get("name", "")) for item in target if isinstance(item, dict)]
     if isinstance(step, int) and step < len(target):
         return step
     if step in names:
@@ -112,12 +122,12 @@ def _element(target, step, path):
     raise OctoctrlError(f"--set {dotted(path)}: no element '{step}'{suggest(step, names)} ({known})")
 
 
-def found(value):
+def found(value: object) -> str:
     """Say what a `value` is, for "expected …, found …"."""
     if isinstance(value, str):
         return f"the string {value!r}"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):
-        return f"the number {value:g}"
+        return f"the number {value:g}" if isinstance(value, float) or abs(value) < 1e300 else "a number beyond 1e300"
     return {dict: "a table", list: "a list"}.get(type(value), f"{type(value).__name__} {value}")

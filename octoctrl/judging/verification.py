@@ -9,6 +9,7 @@ from math import inf
 
 import numpy as np
 
+from octoctrl.planners.asking.task import miss_in_phase
 from octoctrl.sim.errors import check_number
 
 from ..carrying.results import Check, Execution, ExecutionStatus, Verdict
@@ -98,17 +99,17 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
 
 
 def _goal_checks(execution: Execution) -> Iterator[Check]:
+    plan, recording = execution.plan, execution.recording
     ends = {event.phase: event.actual for event in execution.events}
-    lengths = execution.recording.length
-    for phase in execution.plan.task.phases:
+    begin = 0.0
+    for phase in plan.task.phases:
+        end = ends.get(phase.name, inf)
         for goal in phase.goals:
-            name, unit = f"{phase.name}.{goal.quantity}", "m" if goal.quantity == "length" else "turns"
-            if phase.name not in ends:
-                yield _check(name, inf, goal.tolerance, unit)
-                continue
-            series = lengths if goal.quantity == "length" else getattr(execution.trace, goal.quantity)
-            value = np.interp(ends[phase.name], execution.recording.time, series)
-            yield _check(name, abs(value - goal.value), goal.tolerance, unit)
+            miss = inf
+            if end < inf:
+                miss = miss_in_phase(goal, recording.time, goal.miss(recording, execution.trace, plan.arm), begin, end)
+            yield _check(f"{phase.name}.{goal.quantity}", miss, goal.tolerance, goal.unit)
+        begin = end
 
 
 def _check(name: str, value: float, limit: float, unit: str = "") -> Check:

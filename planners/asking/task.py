@@ -1,39 +1,30 @@
 """A task: phases that end at topological events, and the primitives that may bring them about.
 
 Time is written as phases with free durations. A drive is a primitive whose onset and offset are tied to the begin of phases, and whose
-numbers the planner may choose; a goal is a value that a topological quantity has when its phase ends.
+numbers the planner may choose; a goal says what has to hold at the end of its phase, or throughout.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from math import isfinite
+from typing import Any
 
-from octoctrl.sim.errors import OctoctrlError, check_choice, check_number, suggest
+import numpy as np
+
+from octoctrl.sim.errors import OctoctrlError, check_number, suggest
 from octoctrl.sim.topology.trace import TopologyConvention
 
-from .schedule import PRIMITIVES, primitive
+from ..contracts import Floats, Goal, Primitive, When
+from .goals.measured import MeasuredGoal
+from .registry import primitive_kinds
+from .schedule import check_primitive
 
-QUANTITIES = ("twist", "lifted_writhe", "lifted_link", "length")
+BASE_TANGENT = (0.0, 1.0, 0.0)
+"""Direction in which the arm leaves its base."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Goal:
-    """A value at the end of a phase: turns for twist, lifted writhe and lifted link; metres for length.
-
-    Attributes
-    ----------
-    quantity : {"twist", "lifted_writhe", "lifted_link", "length"}
-    value : float
-    tolerance : float
-        What still counts as reached, in planning and in the verdict.
-    """
-
-    quantity: str
-    value: float
-    tolerance: float = 0.05
-
-    def __post_init__(self):
-        check_choice("quantity", self.quantity, QUANTITIES)
-        check_number(f"goal {self.quantity}", self.value)
-        check_number("tolerance", self.tolerance, above=0.0)
+LEAST_OPENING = 1e-3
+"""Smallest 1 + pole . base tangent: opposite to each other, they leave the lifted writhe undefined from the start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +38,11 @@ class Phase:
         First guess.
     shortest, longest : float, s
     goals : tuple of Goal
+
+    Raises
+    ------
+    OctoctrlError
+        If a time is out of range, or no shape could meet two of the goals at once.
     """
 
     name: str
@@ -55,10 +51,23 @@ class Phase:
     longest: float = 4.0
     goals: tuple[Goal, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        _check_name("phase", self.name)
         check_number(f"phase '{self.name}': shortest", self.shortest, above=0.0, unit="s")
         check_number(f"phase '{self.name}': longest", self.longest, at_least=self.shortest, unit="s")
         check_number(f"phase '{self.name}': duration", self.duration, at_least=self.shortest, at_most=self.longest, unit="s")
+        for goal in self.goals:
+            missing = [name for name in ("quantity", "when", "tolerance", "unit", "miss", "residuals", "beyond") if not hasattr(goal, name)]
+            if missing:
+                raise OctoctrlError(f"phase '{self.name}': {goal!r} is no goal, it has no {' and no '.join(missing)}")
+            if getattr(goal, "hold", 0.0) > self.longest:
+                raise OctoctrlError(
+                    f"phase '{self.name}' lasts {self.longest:g} s at most and is asked to hold {goal}; "
+                    "hold it for less or allow a longer phase"
+                )
+        for first, second in combinations(self.goals, 2):
+            if isinstance(first, MeasuredGoal) and isinstance(second, MeasuredGoal) and first.excludes(second):
+                raise OctoctrlError(f"phase '{self.name}' asks for {first} and for {second}; no shape has both, give one of them")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,46 +77,56 @@ class Drive:
     Attributes
     ----------
     name : str
-    primitive : str
-        Name of the primitive, of `octoctrl.planners.asking.schedule.PRIMITIVES`.
+    primitive : Primitive
+        Its numbers are the first guess of those that are free; onset and offset follow from the phases.
     begins : str
         Phase with whose begin it sets in.
     ends : str
         Phase with whose begin it relaxes; empty for never.
-    settings : dict
-        Numbers and names of the primitive; the first guess of those that are free.
     free : tuple of str
         Numbers that the planner chooses, within the primitive's bounds.
+
+    Raises
+    ------
+    OctoctrlError
+        If a number cannot be free, is named twice, or lies outside its bounds.
     """
 
     name: str
-    primitive: str
+    primitive: Primitive
     begins: str
     ends: str = ""
-    settings: dict = field(default_factory=dict)
     free: tuple[str, ...] = ("level",)
 
-    def __post_init__(self):
-        bounds = primitive(self.primitive, **self.settings).bounds()
+    def __post_init__(self) -> None:
+        _check_name("drive", self.name)
+        check_primitive(f"drive '{self.name}'", self.primitive)
+        bounds = self.primitive.bounds()
         for number in self.free:
             if number not in bounds:
                 known = ", ".join(bounds)
                 raise OctoctrlError(f"drive '{self.name}': '{number}' cannot be free{suggest(number, bounds)} ({known})")
+            if self.free.count(number) > 1:
+                raise OctoctrlError(f"drive '{self.name}': '{number}' is named twice in free; name it once")
+            low, high = bounds[number]
+            check_number(
+                f"drive '{self.name}': {number}", getattr(self.primitive, number), at_least=low, at_most=high,
+                advice="the planner chooses within these bounds; take it out of free to fix it",
+            )  # fmt: skip
         for timing in ("onset", "offset"):
-            if timing in self.settings:
+            if isfinite(getattr(self.primitive, timing, 0.0)) and getattr(self.primitive, timing, 0.0) != 0.0:
                 raise OctoctrlError(f"drive '{self.name}': {timing} follows from the phases; use begins and ends")
 
-    def bounds(self):
+    def bounds(self) -> dict[str, tuple[float, float]]:
         """Range of each free number."""
-        bounds = primitive(self.primitive, **self.settings).bounds()
+        bounds = self.primitive.bounds()
         return {number: bounds[number] for number in self.free}
 
-    def at(self, begins, numbers):
+    def at(self, begins: Mapping[str, Any], numbers: Mapping[str, Any]) -> Primitive:
         """The primitive for given phase begins (dict of name to time, s) and free numbers (dict)."""
-        timing = {"onset": begins[self.begins]}
-        if self.ends:
-            timing["offset"] = begins[self.ends]
-        return PRIMITIVES[self.primitive](**(self.settings | timing | numbers))
+        timing = {"onset": begins[self.begins]} | ({"offset": begins[self.ends]} if self.ends else {})
+        made: Primitive = replace(self.primitive, **(timing | dict(numbers)))  # type: ignore[type-var]
+        return made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +150,11 @@ class Task:
         Price of a drive's squared level, per second that it is on.
     smoothness_weight : float, s
         Price of the squared rate of change of a level, per second of ramp.
+
+    Raises
+    ------
+    OctoctrlError
+        If names are doubled or unknown, a drive ends before it begins, or the pole is opposite to the arm's base.
     """
 
     name: str
@@ -144,16 +168,65 @@ class Task:
     effort_weight: float = 0.3
     smoothness_weight: float = 0.1
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         names = [phase.name for phase in self.phases]
         if not names:
             raise OctoctrlError(f"task '{self.name}' has no phases; give at least one")
         if not self.drives:
-            raise OctoctrlError(f"task '{self.name}': no primitives given; give at least one drive ({', '.join(PRIMITIVES)})")
+            known = ", ".join(primitive_kinds())
+            raise OctoctrlError(f"task '{self.name}': no primitives given; give at least one drive ({known})")
+        _check_doubled("phases", names)
+        _check_doubled("drives", [drive.name for drive in self.drives])
         for drive in self.drives:
             for phase in (drive.begins, *((drive.ends,) if drive.ends else ())):
                 if phase not in names:
                     raise OctoctrlError(f"drive '{drive.name}': unknown phase '{phase}'{suggest(phase, names)} ({', '.join(names)})")
+            if drive.ends and names.index(drive.ends) <= names.index(drive.begins):
+                later = names[names.index(drive.begins) + 1 :]
+                allowed = f"a later phase ({', '.join(later)}), or nothing" if later else "nothing, for it begins with the last phase"
+                raise OctoctrlError(
+                    f"drive '{drive.name}' begins with '{drive.begins}' and ends with '{drive.ends}'; ends must be {allowed}"
+                )
+        opening = 1 + float(np.dot(self.convention.pole, BASE_TANGENT))
+        if opening < LEAST_OPENING:
+            raise OctoctrlError(
+                f"task '{self.name}': pole {self.convention.pole} is opposite to the arm's base {BASE_TANGENT}, where lifted writhe has "
+                "no value; give the axis of the expected coil, for example (0, 0, 1)"
+            )
+        check_number("sucker_azimuth", self.sucker_azimuth, unit="rad")
         check_number("nominal_weight", self.nominal_weight, above=0.0)
         for name in ("time_weight", "effort_weight", "smoothness_weight"):
             check_number(name, getattr(self, name), at_least=0.0)
+
+
+def miss_in_phase(goal: Goal, time: Floats, misses: Floats, begin: float, end: float) -> float:
+    """The largest miss of a goal while it has to hold.
+
+    Parameters
+    ----------
+    goal : Goal
+    time : (T,) float64, s
+    misses : (T,) float64
+        Of `Goal.miss`.
+    begin, end : float, s
+        Of its phase; in between, misses are interpolated linearly.
+
+    Returns
+    -------
+    float
+        In the goal's unit; within its `tolerance` if the goal is met.
+    """
+    first = begin if goal.when is When.THROUGHOUT else max(end - goal.hold, begin)
+    inside = misses[(time > first) & (time < end)]
+    return float(np.concatenate([np.interp([first, end], time, misses), inside]).max())
+
+
+def _check_name(what: str, name: object) -> None:
+    if not isinstance(name, str) or not name:
+        raise OctoctrlError(f"a {what} is called {name!r}; a name is needed")
+
+
+def _check_doubled(what: str, names: list[str]) -> None:
+    doubled = [name for index, name in enumerate(names) if name in names[:index]]
+    if doubled:
+        raise OctoctrlError(f"two {what} are called '{doubled[0]}'; give each a name of its own ({', '.join(names)})")

@@ -12,6 +12,7 @@ import numpy as np
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
 from octoctrl.sim.records import Record
+from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.scene.scene import Scene
 
 from .kinematics import StrainFit, element_points, element_stations, hat_means, integrate_frames, section_bounds
@@ -19,9 +20,6 @@ from .parameters import ReducedParameters
 
 LAWS = ("known", "generic")
 """The plant's own muscle polynomials, or a parabola and hinges whose shape is identified."""
-
-OUTPUTS = ("twist", "lifted_writhe", "lifted_link", "length", "tip1", "tip2", "tip3", "uturn")
-"""Order of the outputs in `ReducedModel.output_slopes`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -334,6 +332,15 @@ class ReducedModel:
         points = element_points(strains, frames, self.arm.edges, self.edges)
         return measure(time, points, frames, TopologyConvention() if convention is None else convention)
 
+    def recording(self, time, strains):
+        """The motion as a plant would have recorded it, without levels, as an `octoctrl.sim.running.recording.Recording`."""
+        edges, frames = self.arm.edges, self.frames(strains)
+        return Recording(
+            time=np.asarray(time, dtype=float), points=element_points(strains, frames, edges, self.edges), frames=frames,
+            stations=self.stations, stretch=np.asarray(strains)[..., 3] @ hat_means(edges, self.edges).T,
+            levels=np.zeros((len(time), len(MUSCLE_GROUPS), len(edges) - 1)),
+        )  # fmt: skip
+
     def strains_from_frames(self, stations, frames, stretch):
         """Section strains of a measured shape; to project many frames one by one, keep a `StrainFit`.
 
@@ -372,9 +379,9 @@ class ReducedModel:
 
         Returns
         -------
-        values : (T, len(OUTPUTS)) float64
-            In turns and metres, in the order of `OUTPUTS`.
-        slopes : (T, len(OUTPUTS), S, 4) float64
+        values : (T, outputs) float64
+            In turns and metres, in the order of `octoctrl.planners.model.readings.OUTPUTS`.
+        slopes : (T, outputs, S, 4) float64
         """
         from .outputs import output_slopes
 
@@ -382,7 +389,7 @@ class ReducedModel:
         count = len(strains)
         function = output_slopes(self.arm, self.sections).map(count)
         values, slopes = function(strains.reshape(-1, 4).T, np.tile(np.asarray(pole, dtype=float)[:, None], (1, count)))
-        slopes = np.asarray(slopes).reshape(len(OUTPUTS), count, self.sections, 4)
+        slopes = np.asarray(slopes).reshape(-1, count, self.sections, 4)
         return np.asarray(values).T, slopes.swapaxes(0, 1)
 
     # Equilibrium

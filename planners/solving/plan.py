@@ -14,6 +14,7 @@ from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..asking.schedule import Schedule
 from ..asking.task import Task
+from ..contracts import Goal
 from ..model.reduced import ReducedModel
 
 Floats = NDArray[np.float64]
@@ -35,18 +36,16 @@ class PlanFailedError(RuntimeError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GoalReport:
-    """A goal at the end of its phase on the reduced model: wanted, found, and the tolerance, in turns or metres."""
+    """A goal of a phase, and by how much it is missed on the reduced model, in the goal's unit."""
 
     phase: str
-    quantity: str
-    goal: float
-    value: float
-    tolerance: float
+    goal: Goal
+    miss: float
 
     @property
     def share(self) -> float:
         """Part of the tolerance that the miss uses up; above 1 the goal is not met."""
-        return abs(self.value - self.goal) / self.tolerance
+        return self.miss / self.goal.tolerance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

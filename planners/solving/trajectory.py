@@ -23,7 +23,9 @@ from octoctrl.sim.errors import check_number
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..asking.schedule import Schedule
-from ..model.reduced import OUTPUTS
+from ..asking.task import miss_in_phase
+from ..contracts import When
+from ..model.readings import residual_function
 from .plan import GoalReport, Plan, PlanReport, PlanStatus
 from .reachability import unreachable
 
@@ -74,15 +76,25 @@ class PhaseProblem:
         levels = np.array([name.endswith("level") for name in self.names])
         self.scale = np.where(levels, LEVEL_SCALE, TIME_SCALE * self.start)
         self._build()
-        self.goals = _goals(task)
-        self.band = GOAL_SHARE * np.array([goal.tolerance for _, goal in self.goals])
+        self._take_goals(task)
 
     def with_goals(self, task):
         """The same problem with the goals of `task`, which differs in nothing else."""
         other = copy(self)
-        other.task, other.goals = task, _goals(task)
-        other.band = GOAL_SHARE * np.array([goal.tolerance for _, goal in other.goals])
+        other._take_goals(task)
         return other
+
+    def _take_goals(self, task):
+        self.task, self.rows, tolerances = task, [], []
+        for end, steps, phase in zip(self.ends, self.steps, task.phases, strict=True):
+            for goal in phase.goals:
+                # All steps of the phase, or the last of those that the goal must hold for in a phase of nominal duration.
+                held = steps if goal.when is When.THROUGHOUT else int(np.ceil(steps * min(goal.hold / phase.duration, 1.0))) + 1
+                instants = np.arange(end - min(held, steps) + 1, end + 1)
+                function = residual_function([goal], self.model.arm, self.model.sections).map(len(instants))
+                self.rows.append((instants, function))
+                tolerances += [goal.tolerance] * function.size1_out(0) * len(instants)
+        self.band = GOAL_SHARE * np.array(tolerances)
 
     def _build(self):
         p = ca.SX.sym("p", len(self.names))
@@ -109,10 +121,11 @@ class PhaseProblem:
         end = ca.sum1(durations)
         for drive, primitive in zip(task.drives, primitives, strict=True):
             until = begins[drive.ends] if drive.ends else end
-            objective += task.effort_weight * primitive.level**2 * (until - begins[drive.begins])
-            for ramp in ("rise", "fall") if drive.ends else ("rise",):
-                if hasattr(primitive, ramp):
-                    objective += task.smoothness_weight * SMOOTHNESS * primitive.level**2 / getattr(primitive, ramp)
+            objective += task.effort_weight * primitive.effort(until - begins[drive.begins])
+            for template in primitive.templates():
+                for ramp in ("rise", "fall") if drive.ends else ("rise",):
+                    if hasattr(template, ramp):
+                        objective += task.smoothness_weight * SMOOTHNESS * template.level**2 / getattr(template, ramp)
         self.objective = ca.Function("objective", [p], [objective])
         self.hessian = ca.Function("hessian", [p], [ca.hessian(objective, p)[0]])
 
@@ -142,29 +155,35 @@ class PhaseProblem:
         return self.model.simulate_levels(levels, lengths)
 
     def misses(self, p):
-        """Goals' values minus their targets, (goals,)."""
-        ends = self.simulate(p).strains[self.ends]
-        return self._select(self.model.output_slopes(ends, self.task.convention.pole)[0])
+        """Residuals of the goals at the instants at which they have to hold, (R,)."""
+        return self._residuals(self.simulate(p).strains)[0]
 
     def miss_slopes(self, p):
-        """Misses (goals,) and their exact derivatives (goals, numbers)."""
+        """Residuals (R,) and their exact derivatives (R, numbers)."""
         lengths, levels = self._horizon(p)
         slopes = np.asarray(self.input_slopes(p))
         count = len(lengths)
         motion, strain_slopes = self.model.sensitivities(
             levels, slopes[count:].reshape(*levels.shape, -1), lengths, slopes[:count].reshape(count, -1)
         )
-        values, output_slopes = self.model.output_slopes(motion.strains[self.ends], self.task.convention.pole)
-        by_number = np.einsum("tosc,tscp->top", output_slopes, strain_slopes[self.ends])
-        return self._select(values), np.stack([by_number[phase, OUTPUTS.index(goal.quantity)] for phase, goal in self.goals])
+        values, by_strains, instants = self._residuals(motion.strains)
+        return values, np.einsum("rsc,rscp->rp", by_strains, strain_slopes[instants])
 
-    def _select(self, values):
-        return np.array([values[phase, OUTPUTS.index(goal.quantity)] - goal.value for phase, goal in self.goals])
-
-
-def _goals(task):
-    """Goals with the index of their phase."""
-    return [(index, goal) for index, phase in enumerate(task.phases) for goal in phase.goals]
+    def _residuals(self, strains):
+        """Residuals (R,), derivatives by the strains (R, S, 4) and instants (R,) of all goals."""
+        needed = np.unique(np.concatenate([instants for instants, _ in self.rows])) if self.rows else np.empty(0, dtype=int)
+        found, found_slopes, when = [np.empty(0)], [np.empty((0, *strains.shape[1:]))], [np.empty(0, dtype=int)]
+        if len(needed):
+            outputs, output_slopes = self.model.output_slopes(strains[needed], self.task.convention.pole)
+        for instants, function in self.rows:
+            place, count = np.searchsorted(needed, instants), len(instants)
+            values, by_outputs, by_strains = function(outputs[place].T, strains[instants].reshape(-1, strains.shape[2]).T)
+            by_outputs, by_strains = (np.asarray(part).reshape(-1, count, part.shape[1] // count) for part in (by_outputs, by_strains))
+            total = by_strains.reshape(*by_strains.shape[:2], *strains.shape[1:])
+            found.append(np.asarray(values).ravel())
+            found_slopes.append((total + np.einsum("rto,tosc->rtsc", by_outputs, output_slopes[place])).reshape(-1, *strains.shape[1:]))
+            when.append(np.tile(instants, len(by_outputs)))
+        return np.concatenate(found), np.concatenate(found_slopes), np.concatenate(when)
 
 
 class _Slopes(ca.Callback):
@@ -179,10 +198,10 @@ class _Slopes(ca.Callback):
         return 2
 
     def get_sparsity_in(self, index):
-        return ca.Sparsity.dense(len(self.problem.goals if index else self.problem.names), 1)
+        return ca.Sparsity.dense(len(self.problem.band if index else self.problem.names), 1)
 
     def get_sparsity_out(self, index):
-        return ca.Sparsity.dense(len(self.problem.goals), len(self.problem.names))
+        return ca.Sparsity.dense(len(self.problem.band), len(self.problem.names))
 
     def eval(self, arguments):
         return [ca.DM(self.problem.miss_slopes(np.asarray(arguments[0]).ravel())[1])]
@@ -201,7 +220,7 @@ class _Goals(ca.Callback):
         return ca.Sparsity.dense(len(self.problem.names), 1)
 
     def get_sparsity_out(self, index):
-        return ca.Sparsity.dense(len(self.problem.goals), 1)
+        return ca.Sparsity.dense(len(self.problem.band), 1)
 
     def eval(self, arguments):
         return [ca.DM(self.problem.misses(np.asarray(arguments[0]).ravel()))]
@@ -218,7 +237,7 @@ class _Watch(ca.Callback):
 
     def __init__(self, problem, progress):
         super().__init__()
-        self.sizes = {"x": len(problem.names), "g": len(problem.goals), "lam_x": len(problem.names), "lam_g": len(problem.goals), "f": 1}
+        self.sizes = {"x": len(problem.names), "g": len(problem.band), "lam_x": len(problem.names), "lam_g": len(problem.band), "f": 1}
         self.progress, self.count = progress, 0
         self.construct("watch", {})
 
@@ -257,7 +276,7 @@ def solver(problem, *, time_limit=30.0, max_iterations=60, warm=False, progress=
     count = len(problem.names)
     z = ca.MX.sym("z", count)
     scale = ca.DM(problem.scale)
-    parameters, factor, multipliers = ca.MX.sym("p", 0), ca.MX.sym("f"), ca.MX.sym("g", len(problem.goals))
+    parameters, factor, multipliers = ca.MX.sym("p", 0), ca.MX.sym("f"), ca.MX.sym("g", len(problem.band))
     hessian = ca.diag(scale) @ problem.hessian(z * scale) @ ca.diag(scale)
     curvature = ca.Function("nlp_hess_l", [z, parameters, factor, multipliers], [ca.triu(ca.densify(factor * hessian))])
     goals = _Goals(problem)
@@ -342,7 +361,7 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
     built = perf_counter() - begin
     solve, keep = solver(problem, time_limit=time_limit - built, max_iterations=max_iterations, warm=warm, progress=progress)
     low, high = problem.lower / problem.scale, problem.upper / problem.scale
-    duals = {"lam_g0": guess.report.multipliers} if warm and len(guess.report.multipliers) == len(problem.goals) else {}
+    duals = {"lam_g0": guess.report.multipliers} if warm and len(guess.report.multipliers) == len(problem.band) else {}
     found = solve(x0=first / problem.scale, lbx=low, ubx=high, lbg=-problem.band, ubg=problem.band, **duals)
     stats = solve.stats()
     del keep
@@ -364,25 +383,12 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
 def _problem(task, model):
     """The problem of a task; tasks that differ only in their goals share the functions, so that planning again is quick."""
     bare = replace(task, phases=tuple(replace(phase, goals=()) for phase in task.phases))
-    return _bare_problem(_TaskKey(bare), model).with_goals(task)
+    return _bare_problem(bare, model).with_goals(task)
 
 
 @lru_cache(maxsize=8)
-def _bare_problem(key, model):
-    return PhaseProblem(key.task, model)
-
-
-class _TaskKey:
-    """Tasks hold dictionaries and so cannot be hashed; their text can."""
-
-    def __init__(self, task):
-        self.task, self.text = task, repr(task)
-
-    def __eq__(self, other):
-        return self.text == other.text
-
-    def __hash__(self):
-        return hash(self.text)
+def _bare_problem(task, model):
+    return PhaseProblem(task, model)
 
 
 def _finished(problem, identified, p, status, report):
@@ -394,17 +400,12 @@ def _finished(problem, identified, p, status, report):
     time = np.concatenate([[0.0], *pieces])
     levels = model.levels(schedule.activation(), time[1:])
     motion = model.simulate_levels(levels, np.diff(time))
-    ends = np.cumsum([len(piece) for piece in pieces])
-    values = model.output_slopes(motion.strains[ends], task.convention.pole)[0]
+    trace = model.trace(motion.time, motion.strains, task.convention)
+    recording = model.recording(motion.time, motion.strains)
     goals = tuple(
-        GoalReport(
-            phase=task.phases[phase].name,
-            quantity=goal.quantity,
-            goal=goal.value,
-            value=float(values[phase, OUTPUTS.index(goal.quantity)]),
-            tolerance=goal.tolerance,
-        )
-        for phase, goal in problem.goals
+        GoalReport(phase=phase.name, goal=goal, miss=miss_in_phase(goal, time, goal.miss(recording, trace, model.arm), begin, end))
+        for phase, (begin, end) in zip(task.phases, pairwise(edges), strict=True)
+        for goal in phase.goals
     )
     report = replace(
         report,
@@ -417,14 +418,10 @@ def _finished(problem, identified, p, status, report):
     if status is PlanStatus.SOLVED and worst is not None and worst.share > 1:
         status = PlanStatus.INFEASIBLE
     if status is not PlanStatus.SOLVED and worst is not None:
-        reason = (
-            f"phase '{worst.phase}' ends with {worst.quantity.replace('_', ' ')} {worst.value:.3f}, "
-            f"the goal is {worst.goal:g} +- {worst.tolerance:g}"
-        )
-        report = replace(report, reason=reason)
+        report = replace(report, reason=f"phase '{worst.phase}' misses {worst.goal} by {worst.miss:.3g} {worst.goal.unit}".rstrip())
     return Plan(
         task=task, model=model, schedule=schedule, phase_begins=begins, time=motion.time, strains=motion.strains,
-        trace=model.trace(motion.time, motion.strains, task.convention), status=status, plant=identified.plant, report=report,
+        trace=trace, status=status, plant=identified.plant, report=report,
     )  # fmt: skip
 
 

@@ -1,0 +1,152 @@
+"""What goals have in common: a target, and one formula that reads the reduced model and the recording alike."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from math import inf, isfinite
+from typing import Any, ClassVar
+
+import numpy as np
+
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.errors import OctoctrlError, check_number
+from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.topology.trace import TopologyTrace
+
+from ...contracts import Expression, Floats, Outputs, Reach, When
+from .recorded import RecordedOutputs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredGoal:
+    """A goal whose miss follows from its residuals; a subclass names its `quantity` and `unit` and gives `residuals`.
+
+    Attributes
+    ----------
+    tolerance : float
+        What still counts as reached, in planning and in the verdict.
+    when : {"end", "throughout"}
+        At the end of its phase, or all the time.
+    hold : float, s
+        How long before the end it has to hold already.
+    """
+
+    quantity: ClassVar[str]
+    unit: ClassVar[str]
+    tolerance: float
+    when: When = When.END
+    hold: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_number("tolerance", self.tolerance, above=0.0)
+        check_number("hold", self.hold, at_least=0.0, unit="s")
+        if not isinstance(self.when, When):
+            raise OctoctrlError(f"when is {self.when!r}; {' or '.join(str(item) for item in When)} is needed")
+
+    def __str__(self) -> str:
+        return f"{self.quantity.replace('_', ' ')} {self.target} ± {_number(self.tolerance)} {self.unit}".rstrip() + self._where()
+
+    def _where(self) -> str:
+        words = f" for {_number(self.hold)} s" if self.hold else ""
+        return words + (" throughout" if self.when is When.THROUGHOUT else "")
+
+    @property
+    def target(self) -> str:
+        """The target in words."""
+        raise NotImplementedError
+
+    def residuals(self, outputs: Outputs) -> list[Expression]:
+        """Expressions whose root of the sum of squares is the miss; see `octoctrl.planners.contracts.Goal.residuals`."""
+        raise NotImplementedError
+
+    def miss(self, recording: Recording, trace: TopologyTrace, arm: Arm) -> Floats:
+        """By how much the goal is missed at each instant of a recording, (T,)."""
+        found = self.residuals(RecordedOutputs(recording, trace, arm))
+        return np.sqrt(np.sum([np.square(residual) for residual in found], axis=0))
+
+    def beyond(self, reach: Reach) -> str:
+        """What the limit at rest is if the goal lies beyond it; nothing is known against most."""
+        return ""
+
+    def excludes(self, other: "MeasuredGoal") -> bool:
+        """Whether no shape could meet both goals; a subclass says when."""
+        return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScalarGoal(MeasuredGoal):
+    """A goal for one number, which a subclass reads in `read`; exactly one of the four targets is given.
+
+    Attributes
+    ----------
+    value : float
+        To be reached.
+    at_least, at_most : float
+        To be reached or passed.
+    between : (float, float)
+        To stay between.
+    """
+
+    value: float | None = None
+    at_least: float | None = None
+    at_most: float | None = None
+    between: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        MeasuredGoal.__post_init__(self)
+        given = self._given()
+        if len(given) != 1:
+            found = f"{' and '.join(given)} are given" if given else "none is given"
+            raise OctoctrlError(f"goal {self.quantity}: {found}; one of value, at_least, at_most, between is needed")
+        for number in self.between if self.between is not None else given.values():
+            check_number(f"goal {self.quantity}", number)
+        if self.band[0] > self.band[1]:
+            raise OctoctrlError(f"goal {self.quantity}: between {self.between}: the first must not be above the second")
+
+    def read(self, outputs: Outputs) -> Expression:
+        """The number, (T,)."""
+        raise NotImplementedError
+
+    def _given(self) -> Mapping[str, Any]:
+        return {name: found for name in ("value", "at_least", "at_most", "between") if (found := getattr(self, name)) is not None}
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Least and greatest value without a miss."""
+        if self.value is not None:
+            return self.value, self.value
+        if self.between is not None:
+            return self.between
+        return (-inf if self.at_least is None else self.at_least), (inf if self.at_most is None else self.at_most)
+
+    @property
+    def target(self) -> str:
+        """The target in words."""
+        if self.between is not None:
+            return f"between {_number(self.between[0])} and {_number(self.between[1])}"
+        ((name, number),) = self._given().items()
+        return f"{name.replace('_', ' ')} {_number(number)}".removeprefix("value ")
+
+    def residuals(self, outputs: Outputs) -> list[Expression]:
+        """Distance from the band, with its sign."""
+        value, (low, high) = self.read(outputs), self.band
+        if low == high:
+            return [value - low]
+        below = outputs.math.fmin(value - low, 0.0) if isfinite(low) else 0.0
+        return [below + (outputs.math.fmax(value - high, 0.0) if isfinite(high) else 0.0)]
+
+    def excludes(self, other: MeasuredGoal) -> bool:
+        """Whether both ask for the same number and the bands lie apart, by more than the tolerances."""
+        if type(other) is not type(self) or not isinstance(other, ScalarGoal):
+            return False
+        # Equal but for the target: the same window, the same side.
+        if replace(other, **{item.name: getattr(self, item.name) for item in fields(self) if item.name in _TARGETS}) != self:
+            return False
+        (low, high), (other_low, other_high) = self.band, other.band
+        return max(low, other_low) - min(high, other_high) > self.tolerance + other.tolerance
+
+
+_TARGETS = ("value", "at_least", "at_most", "between", "tolerance", "when", "hold")
+
+
+def _number(value: float) -> str:
+    return f"{value:g}"

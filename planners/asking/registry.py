@@ -1,0 +1,147 @@
+"""The kinds of primitives and goals by name: what task files may say, what files may hold, what messages list.
+
+A class registers itself where it is written. The goals of the folder `goals` are found by looking into it.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from octoctrl.sim.errors import OctoctrlError, suggest
+
+from ..contracts import Goal, Primitive
+
+Kind = TypeVar("Kind", bound=type)
+
+_PRIMITIVES: dict[str, type] = {}
+_GOALS: dict[str, type] = {}
+
+
+def register_primitive(kind: Kind) -> Kind:
+    """Let task files name a primitive and files hold it; a decorator.
+
+    Parameters
+    ----------
+    kind : type
+        Frozen dataclass with the methods of `octoctrl.planners.contracts.Primitive`; its name is the class's.
+
+    Returns
+    -------
+    type
+        The same.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is not a dataclass, or the name is taken.
+    """
+    return _register(kind, kind.__name__, _PRIMITIVES)
+
+
+def register_goal(kind: Kind) -> Kind:
+    """Let task files name a kind of goal and files hold it; a decorator.
+
+    Parameters
+    ----------
+    kind : type
+        Frozen dataclass with the methods of `octoctrl.planners.contracts.Goal`; its name is its `quantity`.
+
+    Returns
+    -------
+    type
+        The same.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is not a dataclass, or the name is taken.
+    """
+    return _register(kind, kind.quantity, _GOALS)
+
+
+def _register(kind: Kind, name: str, table: dict[str, type]) -> Kind:
+    if not is_dataclass(kind):
+        raise OctoctrlError(f"{kind.__name__} is not a dataclass; write @dataclass(frozen=True, kw_only=True) above it")
+    known = {**_PRIMITIVES, **_GOALS}.values()
+    # The same class may come twice, from a module that is loaded again.
+    if any(other.__name__ == kind.__name__ and other.__qualname__ != kind.__qualname__ for other in known):
+        raise OctoctrlError(f"a class called '{kind.__name__}' is registered already; choose another name")
+    if name in table and table[name].__name__ != kind.__name__:
+        raise OctoctrlError(f"'{name}' is {table[name].__name__} already; choose another name")
+    table[name] = kind
+    return kind
+
+
+def primitive_kinds() -> Mapping[str, type]:
+    """Classes of primitives by name, in alphabetical order."""
+    importlib.import_module(".primitives", __package__)
+    return MappingProxyType(dict(sorted(_PRIMITIVES.items())))
+
+
+def goal_kinds() -> Mapping[str, type]:
+    """Classes of goals by quantity, in alphabetical order."""
+    goals = importlib.import_module(".goals", __package__)
+    for module in pkgutil.iter_modules(goals.__path__):
+        importlib.import_module(f"{goals.__name__}.{module.name}")
+    return MappingProxyType(dict(sorted(_GOALS.items())))
+
+
+def stored_kinds() -> dict[str, type]:
+    """All classes of primitives and goals, by the class's name."""
+    return {kind.__name__: kind for kind in (*primitive_kinds().values(), *goal_kinds().values())}
+
+
+def primitive(kind: str, **numbers: Any) -> Primitive:
+    """Make a primitive by name.
+
+    Parameters
+    ----------
+    kind : str
+        Of `primitive_kinds`.
+    **numbers
+        Its fields.
+
+    Raises
+    ------
+    OctoctrlError
+        If the name or a keyword is unknown; the message suggests the nearest.
+    """
+    made: Primitive = _make("primitive", primitive_kinds(), kind, numbers)
+    return made
+
+
+def goal(quantity: str, **numbers: Any) -> Goal:
+    """Make a goal by the quantity that it is about.
+
+    Parameters
+    ----------
+    quantity : str
+        Of `goal_kinds`.
+    **numbers
+        Its fields: mostly one of ``value, at_least, at_most, between``, and a ``tolerance``.
+
+    Raises
+    ------
+    OctoctrlError
+        If the quantity or a keyword is unknown; the message suggests the nearest.
+
+    Examples
+    --------
+    >>> print(goal("twist", value=-1.0, tolerance=0.1))
+    twist -1 ± 0.1 turns
+    """
+    made: Goal = _make("quantity", goal_kinds(), quantity, numbers)
+    return made
+
+
+def _make(what: str, kinds: Mapping[str, type], name: str, numbers: dict[str, Any]) -> Any:
+    if name not in kinds:
+        raise OctoctrlError(f"unknown {what} '{name}'{suggest(name, kinds)} ({', '.join(kinds)})")
+    known = [item.name for item in fields(kinds[name])]
+    for key in numbers:
+        if key not in known:
+            raise OctoctrlError(f"{name} has no '{key}'{suggest(key, known)} ({', '.join(known)})")
+    return kinds[name](**numbers)

@@ -1,0 +1,122 @@
+"""What goals read, on the reduced model: CasADi expressions of the strains and the outputs of one instant, and their derivatives."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from octoctrl.sim.body.arm import Arm
+
+from ..contracts import Expression, Floats, Goal
+from .kinematics import BASE_FRAME, element_stations, hat_means, section_bounds
+from .outputs import exponential
+
+OUTPUTS = (
+    "twist", "lifted_writhe", "lifted_link", "length", "tip1", "tip2", "tip3", "uturn", "tangent1", "tangent2", "tangent3",
+)  # fmt: skip
+"""Order of the outputs in `octoctrl.planners.model.reduced.ReducedModel.output_slopes`; the tangent is the tip's."""
+
+
+class ModelOutputs:
+    """`octoctrl.planners.contracts.Outputs` of the reduced model at one instant.
+
+    Parameters
+    ----------
+    arm : Arm
+    outputs : (len(OUTPUTS), 1) casadi.SX
+        Symbols, whose values and derivatives come from the model's own code.
+    strains : (4, S) casadi.SX
+    """
+
+    math: Any = ca
+
+    def __init__(self, arm: Arm, outputs: ca.SX, strains: ca.SX) -> None:
+        self.arm, self._outputs, self._strains = arm, outputs, strains
+
+    def _output(self, *names: str) -> Expression:
+        return ca.horzcat(*(self._outputs[OUTPUTS.index(name)] for name in names))
+
+    @property
+    def twist(self) -> Expression:
+        """Turns."""
+        return self._output("twist")
+
+    @property
+    def lifted_writhe(self) -> Expression:
+        """Turns."""
+        return self._output("lifted_writhe")
+
+    @property
+    def lifted_link(self) -> Expression:
+        """Turns."""
+        return self._output("lifted_link")
+
+    @property
+    def length(self) -> Expression:
+        """Metres."""
+        return self._output("length")
+
+    @property
+    def uturn(self) -> Expression:
+        """1 + tip tangent . base tangent."""
+        return self._output("uturn")
+
+    @property
+    def tip(self) -> Expression:
+        """(1, 3), m."""
+        return self._output("tip1", "tip2", "tip3")
+
+    @property
+    def tip_tangent(self) -> Expression:
+        """(1, 3)."""
+        return self._output("tangent1", "tangent2", "tangent3")
+
+    @cached_property
+    def stations(self) -> Floats:
+        """(n + 2,), m."""
+        return element_stations(self.arm.edges)
+
+    @cached_property
+    def curvatures(self) -> tuple[Expression, Expression, Expression]:
+        """k1, k2, k3, each (1, n + 1), 1/m."""
+        means = ca.DM(hat_means(self.stations, section_bounds(self.arm, self._strains.shape[1])).T)
+        k1, k2, k3 = (self._strains[axis, :] @ means for axis in range(3))
+        return k1, k2, k3
+
+    @cached_property
+    def points(self) -> tuple[Expression, Expression, Expression]:
+        """x, y, z of the nodes, each (1, n + 1), m."""
+        edges, turns = self.arm.edges, ca.vertcat(*self.curvatures) @ ca.diag(ca.DM(np.diff(self.stations)))
+        stretch = self._strains[3, :] @ ca.DM(hat_means(edges, section_bounds(self.arm, self._strains.shape[1])).T)
+        frame, place, places = ca.SX(ca.DM(BASE_FRAME.T)), ca.SX.zeros(3), [ca.SX.zeros(3)]
+        for index, length in enumerate(np.diff(edges)):
+            vector = turns[:, index]
+            frame = frame @ exponential(vector, ca.sqrt(ca.sumsqr(vector) + 1e-14))
+            place = place + frame[:, 2] * stretch[index] * length
+            places.append(place)
+        nodes = ca.horzcat(*places)
+        return nodes[0, :], nodes[1, :], nodes[2, :]
+
+
+def residual_function(goals: Sequence[Goal], arm: Arm, sections: int) -> ca.Function:
+    """Residuals of goals at one instant, and their derivatives.
+
+    Parameters
+    ----------
+    goals : sequence of Goal
+    arm : Arm
+    sections : int
+
+    Returns
+    -------
+    casadi.Function
+        ``(outputs (len(OUTPUTS),), strains (4, S)) -> residuals (R,), derivatives by outputs (R, len(OUTPUTS)) and by strains (R, 4 S)``;
+        the total derivative by the strains is the last plus the one before times the outputs' own.
+    """
+    outputs, strains = ca.SX.sym("outputs", len(OUTPUTS)), ca.SX.sym("strains", 4, sections)
+    reading = ModelOutputs(arm, outputs, strains)
+    rows = ca.vertcat(*(residual for goal in goals for residual in goal.residuals(reading)))
+    slopes = [ca.densify(ca.jacobian(rows, inputs)) for inputs in (outputs, ca.vec(strains))]
+    return ca.Function("residuals", [outputs, strains], [ca.densify(rows), *slopes])
