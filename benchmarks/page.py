@@ -10,15 +10,12 @@ from pathlib import Path
 from octoctrl.bench import benchmark as benchmarking
 from octoctrl.progress import RichProgress
 
-LEFT_OUT = ("stability",)
-"""Parts with a page of their own: docs/stability.md."""
-
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 
 
 def main():
     full = "quick" not in sys.argv[1:]
-    parts = [name for name in benchmarking.PARTS if name not in (LEFT_OUT if full else (*LEFT_OUT, "assembly"))]
+    parts = [name for name in benchmarking.PARTS if full or name != "assembly"]
     tables = benchmarking.run(parts, full=full, progress=RichProgress())
     if find_spec("elastica"):
         import rod_against_pyelastica

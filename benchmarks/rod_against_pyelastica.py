@@ -10,8 +10,8 @@ from itertools import product
 
 import numpy as np
 
-from octoctrl.bench.benchmark import Table
 from octoctrl.sim.rod.elastic import Rod, RodSimulation
+from octoctrl.tables import Table
 
 LENGTH, RADIUS, DENSITY, YOUNG = 0.2, 0.006, 1050.0, 1e5
 STEPS, TURN, DT, WARM = 10_000, 1000, 1e-5, 10

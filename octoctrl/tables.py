@@ -4,6 +4,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib import metadata
 from math import isfinite
 from typing import Any
@@ -19,6 +20,53 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
         cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
         lines.append((" " + "   ".join(cells)).rstrip())
     return lines
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Results in rows: as text, as Markdown, as plain data.
+
+    Attributes
+    ----------
+    name, title, note : str
+        `note` says what was measured and how.
+    columns, formats : tuple of str
+        Headings with units, and format specifications of the columns' numbers.
+    rows : tuple of tuple
+        Numbers, texts and None.
+    curve : tuple of (str, str, str), optional
+        Headings of error, time and case, for a plot.
+    """
+
+    name: str
+    title: str
+    note: str
+    columns: tuple[str, ...]
+    formats: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+    curve: tuple[str, str, str] | None = None
+
+    def cells(self) -> list[tuple[str, ...]]:
+        """Rows as texts, a tuple for each."""
+        return [
+            tuple(
+                "" if value is None else value if isinstance(value, str) else format(value, form)
+                for value, form in zip(row, self.formats, strict=True)
+            )
+            for row in self.rows
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join([f"{self.title}", *table(self.columns, self.cells()), f" {self.note}"])
+
+    def markdown(self) -> str:
+        """The table for a page of documentation."""
+        lines = [" | ".join(self.columns), " | ".join("---" for _ in self.columns), *(" | ".join(row) for row in self.cells())]
+        return "\n".join([f"## {self.title}", "", *(f"| {line} |" for line in lines), "", self.note])
+
+    def content(self) -> dict[str, Any]:
+        """The table as plain data."""
+        return {"title": self.title, "note": self.note, "rows": [dict(zip(self.columns, plain(row), strict=True)) for row in self.rows]}
 
 
 def plain(value: Any) -> Any:

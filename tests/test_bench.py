@@ -7,7 +7,7 @@ import pytest
 
 from octoctrl.bench import benchmark as benchmarking
 from octoctrl.bench import precision as benchmark_precision
-from octoctrl.bench.benchmark import PARTS, Table, timed_motion
+from octoctrl.bench.benchmark import PARTS, timed_motion
 from octoctrl.bench.closed_forms import CASES, circle
 from octoctrl.bench.speed import arm_step, elastic_rod
 from octoctrl.bench.startup import child
@@ -16,7 +16,7 @@ from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.rod.plant import Plant
-from octoctrl.tables import fastest
+from octoctrl.tables import Table, fastest
 
 BEND = Activation(templates=(Plateau(groups=("LM1",), level=0.1, rise=0.1),))
 

@@ -56,7 +56,7 @@ ROOMS = {
         "pictures": {"progress", "tables", "files", "carrying", "judging"},
         "doctor": {"progress", "tables", "files", "tasks", "carrying"},
         "bench": {"progress", "tables", "files", "tasks", "carrying", "judging"},
-        "laboratory": {"progress", "tables", "files", "tasks", "carrying", "judging", "bench.benchmark"},
+        "laboratory": {"progress", "tables", "files", "tasks", "carrying", "judging"},
         "__main__": {"cli"},
         "cli": {"progress", "tables", "files", "tasks", "carrying", "judging", "pictures", "doctor", "bench", "laboratory"},
     },

@@ -6,15 +6,20 @@ neighbours. Failures (refused, stopped) stay in the tables.
 
 import json
 import time
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.errors import OctoctrlError, check_choice
+from octoctrl.sim.running.recording import Recording
 
 from ..files.writing import write_figure, write_text
-from ..tables import machine, plain, table
+from ..progress import Progress
+from ..tables import Table, machine
 
 PARTS = {
     "rod": ("octoctrl.bench.precision", "rod_precision"),
@@ -25,7 +30,6 @@ PARTS = {
     "skips": ("octoctrl.bench.speed", "skips"),
     "steps": ("octoctrl.bench.steps", "steps"),
     "startup": ("octoctrl.bench.startup", "startup"),
-    "stability": ("octoctrl.laboratory.benchmark", "stability"),
 }
 """Module and function of each part."""
 
@@ -33,56 +37,7 @@ QUICK = ("rod", "reduced", "closed-forms", "scaling", "skips", "steps", "startup
 """What runs when no part is named: all but the assembly, whose compilation takes a minute."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """Results of one part.
-
-    Attributes
-    ----------
-    name, title, note : str
-        `note` says what was measured and how.
-    columns : tuple of str
-        Headings with units.
-    formats : tuple of str
-        Format specifications of the columns' numbers.
-    rows : tuple of tuple
-        Numbers, texts and None.
-    curve : tuple of (str, str, str), optional
-        Headings of error, time and case, for a plot.
-    """
-
-    name: str
-    title: str
-    note: str
-    columns: tuple[str, ...]
-    formats: tuple[str, ...]
-    rows: tuple[tuple, ...]
-    curve: tuple[str, str, str] | None = None
-
-    def cells(self):
-        """Rows as texts, a tuple for each."""
-        return [
-            tuple(
-                "" if value is None else value if isinstance(value, str) else format(value, form)
-                for value, form in zip(row, self.formats, strict=True)
-            )
-            for row in self.rows
-        ]
-
-    def __str__(self):
-        return "\n".join([f"{self.title}", *table(self.columns, self.cells()), f" {self.note}"])
-
-    def markdown(self):
-        """The table for a page of documentation, as str."""
-        lines = [" | ".join(self.columns), " | ".join("---" for _ in self.columns), *(" | ".join(row) for row in self.cells())]
-        return "\n".join([f"## {self.title}", "", *(f"| {line} |" for line in lines), "", self.note])
-
-    def content(self):
-        """The table as plain data, a dict."""
-        return {"title": self.title, "note": self.note, "rows": [dict(zip(self.columns, plain(row), strict=True)) for row in self.rows]}
-
-
-def run(parts=(), *, full=False, progress=None):
+def run(parts: Iterable[str] = (), *, full: bool = False, progress: Progress | None = None) -> list[Table]:
     """Run parts of the benchmark.
 
     Parameters
@@ -116,19 +71,8 @@ def run(parts=(), *, full=False, progress=None):
     return found
 
 
-def page_text(tables, command):
-    """Results as one page of documentation.
-
-    Parameters
-    ----------
-    tables : list of Table
-    command : str
-        What makes the page anew.
-
-    Returns
-    -------
-    str
-    """
+def page_text(tables: Sequence[Table], command: str) -> str:
+    """Results, `tables`, as one page of documentation that `command` makes anew."""
     found = machine()
     described = f"{found.pop('processor')}, {found.pop('cores')} cores, {found.pop('system')}, "
     described += ", ".join(f"{name} {version}" for name, version in found.items())
@@ -141,17 +85,10 @@ def page_text(tables, command):
     return "\n\n".join([*head, *(item.markdown() for item in tables)]) + "\n"
 
 
-def write(tables, command, *, output=None, picture=None, page=None):
-    """Write results to files.
-
-    Parameters
-    ----------
-    tables : list of Table
-    command : str
-        What made them.
-    output, picture, page : Path, optional
-        JSON, plot and page of documentation.
-    """
+def write(
+    tables: Sequence[Table], command: str, *, output: Path | None = None, picture: Path | None = None, page: Path | None = None
+) -> None:
+    """Write results, `tables`, that `command` made: as JSON (`output`), as a plot (`picture`) and as a `page` of documentation."""
     if output is not None:
         content = {"command": command, "machine": machine(), "tables": {item.name: item.content() for item in tables}}
         write_text(output, json.dumps(content, indent=2))
@@ -161,12 +98,12 @@ def write(tables, command, *, output=None, picture=None, page=None):
         draw(tables, picture)
 
 
-def draw(tables, path):
+def draw(tables: Sequence[Table], path: Path) -> None:
     """Plot run time against error.
 
     Parameters
     ----------
-    tables : list of Table
+    tables : sequence of Table
         Those without such a curve are left out.
     path : Path
         Of the picture.
@@ -178,23 +115,23 @@ def draw(tables, path):
     """
     from matplotlib.figure import Figure
 
-    drawn = [item for item in tables if item.curve]
+    drawn = [(item, item.curve) for item in tables if item.curve]
     if not drawn:
         raise OctoctrlError("nothing to plot; run one of the parts rod, assembly, reduced, closed-forms")
     figure = Figure(figsize=(5.2 * len(drawn), 4.2), layout="constrained")
-    for axes, item in zip(np.atleast_1d(figure.subplots(1, len(drawn))), drawn, strict=True):
-        error, cost, case = (item.columns.index(name) for name in item.curve)
+    for axes, (item, curve) in zip(np.atleast_1d(figure.subplots(1, len(drawn))), drawn, strict=True):
+        error, cost, case = (item.columns.index(name) for name in curve)
         for label in dict.fromkeys(row[case] for row in item.rows):
             points = [(row[error], row[cost]) for row in item.rows if row[case] == label and row[error] and row[cost]]
             axes.loglog(*zip(*sorted(points), strict=True), "o-", label=label) if points else None
-        axes.set(xlabel=item.curve[0], ylabel=item.curve[1], title=item.title)
+        axes.set(xlabel=curve[0], ylabel=curve[1], title=item.title)
         axes.grid(alpha=0.3, which="both")
         axes.legend(fontsize="small")
     write_figure(path, figure, dpi=150)
 
 
-def timed_motion(plant, activation, duration, times, piece=1.0):
-    """Move a plant and measure how long that takes.
+def timed_motion(plant: Any, activation: Activation, duration: float, times: int, piece: float = 1.0) -> tuple[Recording, float, float]:
+    """Move a plant by `activation` for `duration` (s) and measure how long that takes.
 
     Parameters
     ----------
@@ -209,13 +146,9 @@ def timed_motion(plant, activation, duration, times, piece=1.0):
     Returns
     -------
     recording : Recording
-    float, s
-        Processor time.
-    float, s
-        Wall time.
+    float, float
+        Processor time and wall time, s.
     """
-    from octoctrl.sim.running.recording import Recording
-
     count = max(1, round(duration / piece))
     spent = np.full((count, 2), np.inf)
     for _ in range(times):
@@ -225,4 +158,5 @@ def timed_motion(plant, activation, duration, times, piece=1.0):
             begin = time.process_time(), time.perf_counter()
             pieces.append(plant.advance(activation, duration / count))
             spent[index] = np.minimum(spent[index], (time.process_time() - begin[0], time.perf_counter() - begin[1]))
-    return Recording.joined(pieces), *(float(total) for total in spent.sum(axis=0))
+    cpu, wall = spent.sum(axis=0)
+    return Recording.joined(pieces), float(cpu), float(wall)

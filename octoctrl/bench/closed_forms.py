@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from ..tables import fastest
-from .benchmark import Table
+from ..tables import Table, fastest
 
 LENGTH, RADIUS, DENSITY, YOUNG, SHEAR = 0.2, 0.006, 1050.0, 1e5, 4e4
 PERIODS = 3

@@ -10,7 +10,8 @@ from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 
 from .. import tasks
 from ..judging.comparison import QUANTITIES, rms
-from .benchmark import Table, timed_motion
+from ..tables import Table
+from .benchmark import timed_motion
 
 ERRORS = ("tip max, %L", "tip rms, %L", "curvature, %", "Lk max, turns", "Wr max, turns", "Tw max, turns")
 FORMATS = (".2f", ".2f", ".2f", ".4f", ".4f", ".4f")

@@ -12,8 +12,7 @@ from octoctrl.sim.rod.layout import STATE_ROWS
 from octoctrl.sim.rod.plant import Plant
 from octoctrl.sim.scene.scene import Scene
 
-from ..tables import fastest
-from .benchmark import Table
+from ..tables import Table, fastest
 
 LEVEL = 0.3
 WINDOW = 0.5

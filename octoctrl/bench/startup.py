@@ -9,7 +9,7 @@ from time import perf_counter
 
 from octoctrl.sim.errors import OctoctrlError
 
-from .benchmark import Table
+from ..tables import Table
 
 FIRST_STEP = """
 from octoctrl.sim.activation import Activation

@@ -8,7 +8,7 @@ from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.rod.layout import STATE_ROWS, Row
 from octoctrl.sim.scene.scene import Scene
 
-from .benchmark import Table
+from ..tables import Table
 
 SEED = 1e-6
 """Random velocities (m/s) from which a mode can grow, where symmetry would leave it exactly zero."""

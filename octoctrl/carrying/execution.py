@@ -160,11 +160,11 @@ class _Run:
             if error.recording is not None and len(error.recording.time):
                 self._keep(error.recording)
         except _ControllerFailedError as failure:
-            error = failure.__cause__
+            fault = failure.__cause__ or failure
             if not self.pieces:
-                raise error from None
-            status, cause = ExecutionStatus.CONTROLLER_FAILED, "".join(traceback.format_exception(error))
-            note = f"controller '{self.controller.name}' failed at t={plant.time:.2f} s: {type(error).__name__}: {error}"
+                raise fault from None
+            status, cause = ExecutionStatus.CONTROLLER_FAILED, "".join(traceback.format_exception(fault))
+            note = f"controller '{self.controller.name}' failed at t={plant.time:.2f} s: {type(fault).__name__}: {fault}"
         finally:
             progress.stop()
         return self._result(status, note, perf_counter() - begin, cause)

@@ -9,7 +9,7 @@ from octoctrl.sim.sources import Corrected
 from ..contracts import ActivationSource, ClockReading, ControllerReport, Observation
 from ..solving.plan import Plan
 from .observer import Observer
-from .tracking import Tracker, design
+from .tracking import Tracker, TrackingDesign, design
 
 
 class TVLQR:
@@ -27,7 +27,8 @@ class TVLQR:
     def __init__(self, plan: Plan) -> None:
         self._plan, self._model = plan, plan.model
         self._activation = plan.schedule.activation()
-        self._design, self._design_time = None, 0.0
+        self._design: TrackingDesign | None = None
+        self._design_time = 0.0
         self._now = np.inf
 
     def _start(self, period: float) -> None:
@@ -43,6 +44,7 @@ class TVLQR:
         """The plan's activation at the `reading` of its clock, corrected for what the `observation` shows."""
         if reading.now <= self._now:
             self._start(reading.period)
+        assert self._design is not None  # made at the begin of the run
         self._now, before = reading.now, self._correction
         self._correction = self._tracker.correct(round(reading.begin / self._design.period), *self._observer.see(observation))
         self._largest = max(self._largest, float(np.abs(self._correction).max()))
