@@ -57,11 +57,11 @@ def model_errors(configuration):
     print(f"{'laws':>9} {'writhe rms':>11} {'max':>6} {'twist rms':>10} {'tip rms':>8} {'crossings':>10} {'time':>8} {'x real time':>12}")
     for laws in ("known", "generic"):
         model = load_identified(configuration.arm, configuration.scene, laws=laws).model
-        motion = model.simulate(activation, duration)
+        motion = model.respond(activation, duration)
         spent = np.inf
         for _ in range(10):
             begin = perf_counter()
-            motion = model.simulate(activation, duration)
+            motion = model.respond(activation, duration)
             spent = min(spent, perf_counter() - begin)
         predicted, simulated = model.trace(motion.time, motion.strains), measured.at(motion.time)
         writhe = predicted.lifted_writhe - simulated.lifted_writhe

@@ -29,9 +29,9 @@ def activation(before, after):
 def main(quick=False):
     arm, scene, after = oc.Arm.octopus(), oc.Scene.free(), 1.0 if quick else 2.0
     model = load_identified(arm, scene).model
-    pose = model.simulate(activation(LEVEL, LEVEL), AT).strains[-1:]
-    a, b = model.linearise(pose, np.zeros_like(pose), model.levels(activation(LEVEL, LEVEL), [AT]), [PERIOD])
-    slopes = model.output_slopes(pose)[1][0, 0].reshape(1, -1)  # of twist
+    pose, held = model.respond(activation(LEVEL, LEVEL), AT).strains[-1:], model.levels(activation(LEVEL, LEVEL), [AT])
+    a, b, _ = model.linearise(model.simulate(held, [PERIOD], start=pose[0]), held, [PERIOD])
+    slopes = model.outputs(pose)[1][0, 0].reshape(1, -1)  # of twist
     column = b[0][:, MUSCLE_GROUPS.index(HAND)].sum(axis=1, keepdims=True)  # one input: the level in all sections at once
     system = control.ss(a[0], column, slopes, 0, PERIOD, inputs=["level"], outputs=["twist"])
 

@@ -213,10 +213,11 @@ class Sensitivity(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """A motion's N steps linearised: next strains by strains (N, 4 S, 4 S) and by levels (N, 4 S, groups, S)."""
+    """A motion's N steps linearised: next strains by strains (N, 4 S, 4 S), by levels (N, 4 S, groups, S), by all drag's error (N, 4 S)."""
 
     transition: Floats
     influence: Floats
+    drag: Floats
 
 
 class Observation(Protocol):

@@ -15,8 +15,20 @@ FOLDERS = {"octoctrl": "octoctrl", "octoctrl.sim": "sim", "octoctrl.planners": "
 MODULES = sorted(path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py") if not path.parent.is_symlink())
 
 SIM_GROUND = {"errors", "compiler", "records", "rotations", "contracts"}
-VOCABULARY = {"errors", "records", "rotations", "contracts", "body", "scene", "activation", "sources", "topology", "running.recording"}
-"""What the planners know of `sim`: never a plant, never a kernel."""
+VOCABULARY = {
+    "errors",
+    "compiler",
+    "records",
+    "rotations",
+    "contracts",
+    "body",
+    "scene",
+    "activation",
+    "sources",
+    "topology",
+    "running.recording",
+}
+"""What the planners know of `sim`: never a plant."""
 ROOMS = {
     # Room or module of a folder, and what it may import of that folder.
     "sim": {

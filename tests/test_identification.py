@@ -26,7 +26,7 @@ FREE = ("longitudinal_stress", "oblique_stress", "viscosity")
 
 def recorded(model, activation, duration, step=0.06):
     """What a plant would have recorded, had it moved as `model` does."""
-    motion = model.simulate(activation, duration, step=step)
+    motion = model.respond(activation, duration, step=step)
     stretch = motion.strains[..., 3] @ hat_means(model.arm.edges, model.edges).T
     return SimpleNamespace(time=motion.time, stations=model.stations, frames=model.frames(motion.strains), stretch=stretch)
 
@@ -130,7 +130,7 @@ def test_model_identified_on_the_rod_plant_predicts_the_held_out_coil(laws):
     runs = [(activation, Plant(arm).advance(activation, duration)) for _, activation, duration in experiments(arm)]
     model = identify(runs, arm, laws=laws).model
     recording = Plant(arm).advance(coil, 7.0)
-    motion = replace(model, step=0.05).simulate(coil, 7.0)
+    motion = replace(model, step=0.05).respond(coil, 7.0)
     plant, predicted = measure(recording.time, recording.points, recording.frames).at(motion.time), model.trace(motion.time, motion.strains)
     error = predicted.lifted_writhe - plant.lifted_writhe
     error -= 2 * np.round(error / 2)

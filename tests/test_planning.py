@@ -94,7 +94,7 @@ def test_coil_is_solved_and_its_goals_hold_on_a_simulation_of_our_own(coil, prob
     p = numbers(coil)
     assert abs(problem.misses(p) / problem.band).max() <= 1 + 1e-3  # a third of the tolerance, on the planner's own steps
     model, ends = identified.model, [*list(coil.phase_begins.values())[1:], coil.schedule.duration]
-    motion = model.simulate(coil.schedule.activation(), coil.schedule.duration, step=0.01)
+    motion = model.respond(coil.schedule.activation(), coil.schedule.duration, step=0.01)
     trace = model.trace(motion.time, motion.strains, COIL.convention).at(np.array(ends))
     for index, phase in enumerate(COIL.phases):
         for wanted in phase.goals:
@@ -231,7 +231,7 @@ def test_a_primitive_of_ones_own_fits_into_a_schedule(identified):
     levels = schedule.activation().levels(np.array([0.1, 0.4, 0.9]), identified.model.arm.edges)
     flick = levels[:, MUSCLE_GROUPS.index("LM5")]
     np.testing.assert_allclose(flick.max(axis=1), [0.0, 0.2, 0.0], atol=1e-12)
-    motion = identified.model.simulate(schedule.activation(), schedule.duration)
+    motion = identified.model.respond(schedule.activation(), schedule.duration)
     assert motion.strains[-1, :, 2].max() > 1.0 and np.abs(motion.strains[:, :, :2]).max() > 1.0
 
 
@@ -264,7 +264,7 @@ def test_primitives_move_their_muscles(case, identified):
 def test_what_primitives_do_to_the_arm(identified):
     model = identified.model
     ends = {
-        name: model.simulate(Schedule(primitives=(case[0],), duration=2.0).activation(), 2.0).strains[-1] for name, case in MOVED.items()
+        name: model.respond(Schedule(primitives=(case[0],), duration=2.0).activation(), 2.0).strains[-1] for name, case in MOVED.items()
     }
     assert (ends["Twist"][:, 2] < -1).all() and (ends["Shorten"][:, 3] < 0.95).all() and (ends["Elongate"][:, 3] > 1.01).all()
     assert (ends["Bend across the numbering"][:, 0] ** 2 + ends["Bend across the numbering"][:, 1] ** 2 > 1).all()
@@ -318,11 +318,11 @@ def rms(values):
 def test_model_foresees_the_held_out_programme(laws, fig2c):
     activation, duration, recording, measured = fig2c
     model = load_identified(Arm.octopus(), laws=laws).model
-    model.simulate(activation, duration)
+    model.respond(activation, duration)
     spent = []
     for _ in range(5):
         begin = process_time()
-        motion = model.simulate(activation, duration)
+        motion = model.respond(activation, duration)
         spent.append(process_time() - begin)
     predicted, simulated = model.trace(motion.time, motion.strains), measured.at(motion.time)
     writhe = predicted.lifted_writhe - simulated.lifted_writhe

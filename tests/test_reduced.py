@@ -3,17 +3,21 @@
 from dataclasses import replace
 from itertools import pairwise
 from time import process_time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from octoctrl.planners.model.drag import SLOWEST, element_edges
-from octoctrl.planners.model.dynamics import functions
+from octoctrl.planners.model.drag_kernels import drag_impulse, drag_tangent, set_shape
+from octoctrl.planners.model.dynamics import residual, statics
+from octoctrl.planners.model.fibre_kernels import section_residual, section_tangent
 from octoctrl.planners.model.kinematics import BASE_FRAME, hat_means, hat_values, rotation_vectors, rotations
+from octoctrl.planners.model.output_kernels import OUTPUTS
 from octoctrl.planners.model.parameters import FACTORS
-from octoctrl.planners.model.readings import OUTPUTS
 from octoctrl.planners.model.reduced import LAWS, ReducedModel, ReducedParameters
 from octoctrl.planners.model.statics import CONSTANTS, section_constants
+from octoctrl.planners.model.stepping_kernels import buffers
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, azimuth
 from octoctrl.sim.errors import OctoctrlError
@@ -143,43 +147,73 @@ def dense_section(model, index, q, rate, levels):
     return place["length"] * force, place["length"] * lost
 
 
+def compiled_drag(model, strains, motion, h):
+    """Impulse (S, 4) and tangent (4 S, 4 S) of the water in a step."""
+    step, room = model.step_model, buffers(model.sections, len(model.step_model.elements.first), 11, 0)
+    set_shape(strains, step.elements, room.shape)
+    drag_impulse(motion, h, step.elements, room.shape, room.residual)
+    drag_tangent(h, step.elements, room.shape, room.jacobian, room.wrench, room.tangent)
+    return room.residual, room.tangent
+
+
+def compiled_section(model, index, q, motion, levels, h):
+    """Impulse (4,) and tangent (4, 4) of the fibres of a section in a step."""
+    step, impulse, tangent = model.step_model, np.empty(4), np.empty((4, 4))
+    for function, out in ((section_residual, impulse), (section_tangent, tangent)):
+        function(q, motion, levels, h, step.places[index], step.fibres, np.empty(4), np.empty(4), out)
+    return impulse, tangent
+
+
 def test_drag_is_that_of_a_dense_jacobian(model, bent):
     strains, rates, _ = bent
-    expected = dense_drag(model, strains, rates)
-    found = functions(model.structure).drag(strains.T, rates.T, factors(model)).full()
+    expected, h = dense_drag(model, strains, rates), 0.05
+    impulse, tangent = compiled_drag(model, strains, h * rates, h)
     size = np.sqrt(np.diag(expected))
-    np.testing.assert_allclose(found / np.outer(size, size), expected / np.outer(size, size), atol=3e-3)
-    assert abs(found - found.T).max() < 1e-12 * abs(found).max()
+    np.testing.assert_allclose(impulse.ravel() / (h * size), expected @ rates.ravel() / size, atol=3e-3 * abs(rates.ravel() * size).max())
+    assert abs(tangent - tangent.T).max() < 1e-12 * abs(tangent).max()
 
 
 def test_forces_are_those_of_the_muscle_laws(model, bent):
     strains, rates, levels = bent
-    force = functions(model.structure).statics(strains.T, levels, factors(model))[0].full().T
-    viscosity = functions(model.structure).viscosity(strains.T, rates.T, levels, factors(model)).full()
-    resisting = (viscosity @ rates.ravel()).reshape(-1, 4)
+    h = 1e-6
     for index in range(model.sections):
-        expected, lost = dense_section(model, index, strains[index], rates[index], levels[:, index])
+        q, u, motion = strains[index], levels[:, index].copy(), h * rates[index]
+        expected, lost = dense_section(model, index, q, rates[index], u)
+        force = compiled_section(model, index, q, np.zeros(4), u, 1.0)[0]
         scale = np.array([*3 * [section_constants(model.arm, 8)[4, index]], 1.0]) * abs(expected[3])
-        np.testing.assert_allclose(force[index] / scale, expected / scale, atol=2e-3)
+        np.testing.assert_allclose(force / scale, expected / scale, atol=2e-3)
+        resisting = compiled_section(model, index, q, motion, u, h)[0] / h - compiled_section(model, index, q + motion, 0 * q, u, 1.0)[0]
         scale *= np.abs(lost / scale).max() / np.abs(expected[3] / scale[3])
-        np.testing.assert_allclose(resisting[index] / scale, lost / scale, atol=5e-2)  # branches are blended near zero rate
+        np.testing.assert_allclose(resisting / scale, lost / scale, atol=5e-2)  # branches are blended near zero rate
 
 
-def test_step_solves_the_dense_equations(model, bent):
-    strains, rates, levels = bent
-    built = functions(model.structure)
-    h, r = 0.05, rates
-    for _ in range(2):
-        force, tangent, _, _ = (part.full() for part in built.statics(strains.T, levels, factors(model)))
-        stiffness = np.zeros((32, 32))
-        for k in range(8):
-            stiffness[4 * k : 4 * k + 4, 4 * k : 4 * k + 4] = tangent[:, 4 * k : 4 * k + 4]
-        damping = built.drag(strains.T, r.T, factors(model)) + built.viscosity(strains.T, r.T, levels, factors(model))
-        motion = np.linalg.solve(damping.full() + h * stiffness, -h * force.T.ravel()).reshape(8, 4)
-        r = motion / h
-    found, rate = (part.full().T for part in model.step_function()(strains.T, rates.T, levels, h))
-    np.testing.assert_allclose(found - strains, motion, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(rate, r, rtol=1e-6, atol=1e-8)
+@pytest.mark.parametrize("laws", LAWS)
+@pytest.mark.parametrize("h", [0.01, 0.15])
+def test_compiled_step_solves_the_equations_that_casadi_writes(laws, h, bent):
+    """At the motion that the compiled step finds, the residual of the CasADi twin vanishes."""
+    strains, _, levels = bent
+    parameters = ReducedParameters.from_vector(np.linspace(0.6, 1.4, len(FACTORS)))
+    for model in (ReducedModel(laws=laws), ReducedModel(laws=laws, parameters=parameters)):
+        end = model.simulate(levels[None], [h], start=strains).strains[-1]
+        function, given = residual(model.structure), (strains.T, levels, h, factors(model))
+        left = function((end - strains).T, *given).full()
+        size = abs(function(0 * strains.T, *given).full())
+        assert abs(left).max() < 1e-9 * size.max()
+
+
+def test_step_function_is_the_compiled_step(model, bent):
+    import casadi as ca
+
+    strains, _, levels = bent
+    step, h = model.step_function(), 0.05
+    found = step(strains.T, levels, h).full().T
+    expected = model.simulate(levels[None], [h], start=strains)
+    np.testing.assert_allclose(found, expected.strains[-1], rtol=1e-7, atol=1e-7)
+    q = ca.MX.sym("q", 4, 8)
+    by_strains = ca.Function("slopes", [q], [ca.jacobian(ca.vec(step(q, levels, h)), ca.vec(q))])(strains.T).full()
+    transition = model.linearise(expected, levels[None], [h]).transition[0]
+    scale = model.step_model.scale.ravel()
+    np.testing.assert_allclose(by_strains * scale / scale[:, None], transition * scale / scale[:, None], atol=1e-6)
 
 
 # Derivatives
@@ -188,15 +222,38 @@ def test_step_solves_the_dense_equations(model, bent):
 @pytest.mark.parametrize("laws", LAWS)
 def test_tangent_is_the_derivative_of_the_force(laws, bent):
     model, (strains, _, levels) = ReducedModel(laws=laws), bent
-    statics = functions(model.structure).statics
-    tangent = statics(strains.T, levels, factors(model))[1].full().reshape(4, 8, 4).swapaxes(0, 1)
+    function = statics(model.structure)
+    tangent = function(strains.T, levels, factors(model))[1].full().reshape(4, 8, 4).swapaxes(0, 1)
     assert abs(tangent - tangent.swapaxes(1, 2)).max() < 1e-12 * abs(tangent).max()
     for column, step in enumerate((1e-3, 1e-3, 1e-3, 1e-6)):
         shift = np.zeros(4)
         shift[column] = step
-        plus, minus = (statics((strains + sign * shift).T, levels, factors(model))[0].full().T for sign in (1, -1))
+        plus, minus = (function((strains + sign * shift).T, levels, factors(model))[0].full().T for sign in (1, -1))
         expected = (plus - minus) / (2 * step)
         np.testing.assert_allclose(tangent[:, :, column], expected, rtol=1e-4, atol=1e-6 * abs(expected).max())
+
+
+@pytest.mark.parametrize("laws", LAWS)
+def test_compiled_tangents_are_derivatives_by_a_complex_step(laws, bent):
+    model, (strains, rates, levels) = ReducedModel(laws=laws), bent
+    h, tiny = 0.05, 1e-30
+    motion, step = h * rates, model.step_model
+    for index in range(model.sections):
+        place, u = step.places[index], levels[:, index].astype(complex)
+        _, tangent = compiled_section(model, index, strains[index], motion[index], levels[:, index].copy(), h)
+        for column in range(4):
+            moved = motion[index].astype(complex)
+            moved[column] += 1j * tiny
+            buffer = [np.empty(4, complex) for _ in range(3)]
+            section_residual(strains[index].astype(complex), moved, u, h + 0j, place, step.fibres, *buffer)
+            np.testing.assert_allclose(tangent[:, column], buffer[2].imag / tiny, rtol=1e-9, atol=1e-12 * abs(tangent).max())
+    tangent = compiled_drag(model, strains, motion, h)[1].copy()
+    for column in (0, 7, 18, 31):
+        shift = np.zeros(32)
+        shift[column] = 1e-6 * step.scale.ravel()[column]
+        plus, minus = (compiled_drag(model, strains, motion + s * shift.reshape(8, 4), h)[0].ravel().copy() for s in (1, -1))
+        expected = (plus - minus) / (2 * shift[column])
+        np.testing.assert_allclose(tangent[:, column], expected, atol=1e-6 * abs(expected).max())
 
 
 @pytest.mark.parametrize(("laws", "tolerance"), [("generic", 1e-6), ("known", 1e-4)])
@@ -207,67 +264,94 @@ def test_sensitivity_is_the_derivative_of_the_simulation(laws, tolerance):
     level_slopes = 0.1 * draw.normal(size=(*levels.shape, parameters)) * (levels > 0)[..., None]
     steps, step_slopes = np.full(count, 0.1), 0.01 * draw.normal(size=(count, parameters))
     motion, slopes = model.sensitivities(levels, level_slopes, steps, step_slopes)
-    np.testing.assert_allclose(motion.strains, model.simulate_levels(levels, steps).strains, atol=1e-9)
+    np.testing.assert_allclose(motion.strains, model.simulate(levels, steps).strains, atol=1e-9)
     for column in (0, 3):
-        shift = 1e-6
+        shift = 1e-5
         plus, minus = (
-            model.simulate_levels(levels + s * level_slopes[..., column], steps + s * step_slopes[:, column]).strains
-            for s in (shift, -shift)
+            model.simulate(levels + s * level_slopes[..., column], steps + s * step_slopes[:, column]).strains for s in (shift, -shift)
         )
         expected = (plus - minus) / (2 * shift)
         assert abs(slopes[..., column] - expected).max() < tolerance * abs(expected).max()
 
 
-def test_linearisation_is_the_derivative_of_a_converged_step(bent):
-    model, (strains, _, levels), h = ReducedModel(laws="generic"), bent, 0.05
-    step = model.step_function()
-
-    def converged(strains, levels):
-        rate = np.zeros((8, 4))
-        for _ in range(40):
-            found, rate = (part.full().T for part in step(strains.T, rate.T, levels, h))
-        return found, rate
-
-    _, rate = converged(strains, levels)
-    a, b = model.linearise(strains[None], rate[None], levels[None], [h])
+@pytest.mark.parametrize("laws", LAWS)
+def test_linearisation_is_the_derivative_of_a_step(laws, bent):
+    model, (strains, _, levels), h = ReducedModel(laws=laws), bent, 0.05
+    linear = model.linearise(model.simulate(levels[None], [h], start=strains), levels[None], [h])
     draw = np.random.default_rng(1)
-    dq, du = draw.normal(size=(8, 4)) * [1.0, 1.0, 1.0, 1e-3], 0.1 * draw.normal(size=(11, 8))
-    (plus, _), (minus, _) = (converged(strains + s * dq, levels + s * du) for s in (1e-4, -1e-4))
-    expected = ((plus - minus) / 2e-4).ravel()
-    found = a[0] @ dq.ravel() + np.tensordot(b[0], du, 2)
-    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5 * abs(expected).max())
+    dq, du, heavier = draw.normal(size=(8, 4)) * [1.0, 1.0, 1.0, 1e-3], 0.1 * draw.normal(size=(11, 8)), 0.3
+
+    def end(share):
+        drag = {name: 1 + share * heavier for name in ("linear_drag", "quadratic_drag", "rotational_drag")}
+        moved = replace(model, parameters=ReducedParameters(**drag))
+        return moved.simulate((levels + share * du)[None], [h], start=strains + share * dq).strains[-1].ravel()
+
+    expected = (end(1e-4) - end(-1e-4)) / 2e-4
+    found = linear.transition[0] @ dq.ravel() + np.tensordot(linear.influence[0], du, 2) + linear.drag[0] * heavier
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * abs(expected).max())
+
+
+def test_steps_do_not_expand_more_than_the_motion_does(model):
+    """A step that took its rate from the step before had factors up to 2.4 here, where those of the motion are about 1."""
+    levels = model.levels(COIL, np.arange(1, 101) * 0.05)
+    transition = model.linearise(model.simulate(levels, np.full(100, 0.05)), levels, np.full(100, 0.05)).transition
+    assert max(abs(np.linalg.eigvals(matrix)).max() for matrix in transition) < 1.3
 
 
 def test_output_slopes_are_derivatives(model, bent):
     strains = bent[0]
-    pole = (0.0, 0.0, 1.0)
-    values, slopes = model.output_slopes(strains[None], pole)
-    for section, strain, step in ((0, 0, 1e-4), (5, 2, 1e-4), (7, 3, 1e-7)):
+    pole = (0.36, 0.48, 0.8)
+    values, slopes = model.outputs(strains[None], pole)
+    assert values.shape == (1, len(OUTPUTS)) and slopes.shape == (1, len(OUTPUTS), 8, 4)
+    for section, strain, step in ((0, 0, 1e-4), (3, 1, 1e-4), (5, 2, 1e-4), (7, 3, 1e-7)):
         shift = np.zeros_like(strains)
         shift[section, strain] = step
-        plus, minus = (model.output_slopes((strains + s * shift)[None], pole)[0] for s in (1, -1))
+        plus, minus = (model.outputs((strains + s * shift)[None], pole)[0] for s in (1, -1))
         expected = (plus - minus)[0] / (2 * step)
         np.testing.assert_allclose(slopes[0, :, section, strain], expected, rtol=1e-5, atol=1e-7)
-    assert values.shape == (1, len(OUTPUTS))
-    np.testing.assert_allclose(values[0, OUTPUTS.index("tangent1") :], model.frames(strains)[-1, 2], atol=1e-7)
+
+
+def test_outputs_are_those_that_casadi_writes(model, bent):
+    import casadi as ca
+
+    pole, function = (0.36, 0.48, 0.8), model.outputs_function()
+    twist, writhe, link, length, tip, frame, uturn = function(q := ca.SX.sym("q", 4, 8), pole)
+    every = ca.vertcat(twist, writhe, link, length, tip, frame[:, 2], uturn)
+    both = ca.Function("both", [q], [every, ca.jacobian(every, ca.vec(q))])
+    for strains in (bent[0], model.rest, model.respond(COIL, 4.0).strains[-1]):
+        values, slopes = model.outputs(strains[None], pole)
+        expected, jacobian = (part.full() for part in both(strains.T))
+        np.testing.assert_allclose(values[0], expected.ravel(), atol=1e-10)
+        np.testing.assert_allclose(slopes[0].reshape(len(OUTPUTS), -1), jacobian, atol=1e-10)
+
+
+def test_strains_of_an_observation_are_those_that_made_it(model, bent):
+    strains = bent[0]
+    seen = SimpleNamespace(
+        time=0.0, points=model.points(strains), frames=model.frames(strains), stations=model.stations,
+        stretch=hat_means(model.arm.edges, model.edges) @ strains[:, 3],
+    )  # fmt: skip
+    np.testing.assert_allclose(model.strains(seen), strains, rtol=1e-8)
 
 
 # Physics
 
 
-def test_drag_dissipates_what_the_nodes_feel(model, bent):
+def test_drag_and_viscosity_dissipate(model, bent):
     strains, rates, levels = bent
-    drag = functions(model.structure).drag(strains.T, rates.T, factors(model)).full()
-    viscosity = functions(model.structure).viscosity(strains.T, rates.T, levels, factors(model)).full()
-    power = rates.ravel() @ drag @ rates.ravel()
-    assert power == pytest.approx(rates.ravel() @ dense_drag(model, strains, rates) @ rates.ravel(), rel=2e-3)
-    scale = np.sqrt(np.diag(drag))
-    assert np.linalg.eigvalsh(drag / np.outer(scale, scale)).min() > 0
-    assert np.linalg.eigvalsh(viscosity / np.outer(scale, scale)).min() > -1e-12
+    h = 0.05
+    impulse, tangent = compiled_drag(model, strains, h * rates, h)
+    assert np.sum(rates * impulse) / h == pytest.approx(rates.ravel() @ dense_drag(model, strains, rates) @ rates.ravel(), rel=2e-3)
+    scale = np.sqrt(np.diag(tangent))
+    assert np.linalg.eigvalsh(tangent / np.outer(scale, scale)).min() > 0
+    for index in range(8):
+        u, motion = levels[:, index].copy(), h * rates[index]
+        elastic = compiled_section(model, index, strains[index] + motion, np.zeros(4), u, h)[0]
+        assert motion @ (compiled_section(model, index, strains[index], motion, u, h)[0] - elastic) > 0
 
 
 def test_rest_is_an_equilibrium(model):
-    force = functions(model.structure).statics(model.rest.T, np.zeros((11, 8)), factors(model))[0].full()
+    force = statics(model.structure)(model.rest.T, np.zeros((11, 8)), factors(model))[0].full()
     assert abs(force).max() < 1e-15
     np.testing.assert_allclose(model.equilibrium(np.zeros((11, 8))), model.rest, atol=1e-12)
 
@@ -276,14 +360,14 @@ def test_rest_is_an_equilibrium(model):
 def test_motion_ends_at_the_local_equilibrium(laws):
     model = ReducedModel(laws=laws)
     levels = model.levels(COIL, [7.0])
-    end = model.simulate_levels(np.repeat(levels, 200, axis=0), np.full(200, 0.2)).strains[-1]
+    end = model.simulate(np.repeat(levels, 200, axis=0), np.full(200, 0.2)).strains[-1]
     np.testing.assert_allclose(end, model.equilibrium(levels[0]), rtol=1e-6, atol=1e-6)
 
 
 def test_end_state_does_not_depend_on_the_water(model):
     levels = np.repeat(model.levels(COIL, [7.0]), 200, axis=0)
     thick = replace(model, scene=Scene.free(factor=2.0))
-    ends = [case.simulate_levels(levels, np.full(200, 0.2)).strains[-1] for case in (model, thick)]
+    ends = [case.simulate(levels, np.full(200, 0.2)).strains[-1] for case in (model, thick)]
     np.testing.assert_allclose(*ends, rtol=1e-5, atol=1e-5)
 
 
@@ -291,18 +375,18 @@ def test_mirrored_muscles_mirror_the_motion(model):
     """Exchanging the oblique families and the sides of the arm turns twist and writhe round."""
     mirror = {"R-OM": "L-OM", "L-OM": "R-OM"} | {f"LM{m}": f"LM{(9 - m) % 8 + 1}" for m in range(1, 9)}
     mirrored = Activation(templates=tuple(replace(t, groups=tuple(mirror[g] for g in t.groups)) for t in COIL.templates))
-    one, two = (model.simulate(programme, 4.0) for programme in (COIL, mirrored))
+    one, two = (model.respond(programme, 4.0) for programme in (COIL, mirrored))
     np.testing.assert_allclose(two.strains, one.strains * [1, -1, -1, 1], rtol=1e-5, atol=1e-5)
 
 
 def test_steps_converge_with_order_one(model):
-    ends = [model.simulate(COIL, 2.0, step=0.1 / 2**k).strains[-1] for k in range(4)]
+    ends = [model.respond(COIL, 2.0, step=0.1 / 2**k).strains[-1] for k in range(4)]
     errors = [abs(ends[k] - ends[k + 1]).max() for k in range(3)]
     assert 0.7 < np.log2(errors[1] / errors[2]) < 1.4
 
 
 def test_coil_programme_tells_the_known_story(model):
-    motion = model.simulate(COIL, 7.0)
+    motion = model.respond(COIL, 7.0)
     trace = model.trace(motion.time, motion.strains)
     assert trace.twist[30] == pytest.approx(-1.14, abs=0.05)
     assert trace.lifted_writhe[90] == pytest.approx(-2.05, abs=0.15)
@@ -320,7 +404,7 @@ def test_curvature_is_counted_over_the_whole_arm(model):
     turns = 40.0 * model.arm.length / (2 * np.pi)
     trace = model.trace([0.0, 1.0], np.stack([strains, strains]))
     assert trace.twist[0] == pytest.approx(turns, rel=1e-12)
-    assert model.output_slopes(strains[None])[0][0, 0] == pytest.approx(turns, rel=1e-12)
+    assert model.outputs(strains[None])[0][0, 0] == pytest.approx(turns, rel=1e-12)
 
 
 def test_constant_curvature_is_a_circle(model):
@@ -345,12 +429,13 @@ def test_hat_means_integrate_exactly():
 
 
 def test_outputs_agree_with_the_measuring_formula(model):
-    motion = model.simulate(COIL, 4.0)
+    motion = model.respond(COIL, 4.0)
     trace, points = model.trace(motion.time, motion.strains), model.points(motion.strains)
-    values = model.output_slopes(motion.strains)[0]
+    values = model.outputs(motion.strains)[0]
     np.testing.assert_allclose(values[:, 0], trace.twist, atol=1e-12)
     np.testing.assert_allclose(values[:, 1], trace.lifted_writhe, atol=1e-10)
     np.testing.assert_allclose(values[:, 4:7], points[:, -1], atol=1e-12)
+    np.testing.assert_allclose(values[:, 7:10], model.frames(motion.strains)[:, -1, 2], atol=1e-12)
 
 
 def test_strains_are_recovered_from_frames(model, bent):
@@ -376,9 +461,9 @@ def test_reach_contains_what_the_programme_does(model):
 
 def test_cost_per_simulated_second(model):
     """At 0.05 s the model runs two hundred times faster than time on one core; a fifth of that is asserted on a shared machine."""
-    model.simulate(COIL, 7.0)
-    best = min(_timed(lambda: model.simulate(COIL, 7.0)) for _ in range(7))
-    half = min(_timed(lambda: model.simulate(COIL, 7.0, step=0.1)) for _ in range(7))
+    model.respond(COIL, 7.0)
+    best = min(_timed(lambda: model.respond(COIL, 7.0)) for _ in range(7))
+    half = min(_timed(lambda: model.respond(COIL, 7.0, step=0.1)) for _ in range(7))
     assert 7.0 / best > 40
     assert half < 0.8 * best
 
@@ -406,9 +491,9 @@ def test_parameters_are_factors(model):
     [
         (lambda: ReducedModel(laws="exact"), "unknown laws 'exact'"),
         (lambda: ReducedModel(sections=1), "sections=1: a whole number from 2 to 40"),
-        (lambda: ReducedModel(scene=Scene(water=None)).simulate(COIL, 1.0), "give the scene water"),
-        (lambda: ReducedModel().simulate_levels(np.zeros((3, 11, 7)), np.ones(3)), r"\(3, 11, 8\) is needed"),
-        (lambda: ReducedModel().simulate_levels(np.zeros((1, 11, 8)), [0.0]), "steps must be positive"),
+        (lambda: ReducedModel(scene=Scene(water=None)).respond(COIL, 1.0), "give the scene water"),
+        (lambda: ReducedModel().simulate(np.zeros((3, 11, 7)), np.ones(3)), r"\(3, 11, 8\) is needed"),
+        (lambda: ReducedModel().simulate(np.zeros((1, 11, 8)), [0.0]), "steps must be positive"),
         (lambda: ReducedModel().equilibrium(np.zeros((8, 11))), "it must end in"),
         (lambda: ReducedModel().reach_limits(side=("LM9",)), "unknown muscle group 'LM9'"),
     ],

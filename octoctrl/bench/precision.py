@@ -242,11 +242,11 @@ def reduced_precision(*, full=False):
     for case, (activation, duration) in programmes(full).items():
         recording = Plant(configuration.arm, configuration.scene, record_every=EVERY).advance(activation, duration)
         plant = recording.time, recording.points, measure(recording.time, recording.points, recording.frames)
-        fine = model.simulate(activation, duration, step=model.step / 32)
+        fine = model.respond(activation, duration, step=model.step / 32)
         exact = fine.time, model.points(fine.strains), model.trace(fine.time, fine.strains)
         for factor in (2, 1, 0.5, 0.25):
             step = factor * model.step
-            motion = model.simulate(activation, duration, step=step)
+            motion = model.respond(activation, duration, step=step)
             spent, wall = fastest(partial(model.simulate, activation, duration, step=step), 10)
             own, away = difference(motion, *exact), difference(motion, *plant)
             rows.append((case, 1e3 * step, 1e3 * spent / duration, 1e3 * wall / duration, duration / spent, *own, *away))

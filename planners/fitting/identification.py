@@ -400,7 +400,7 @@ class _Run:
         return np.concatenate([tangents / np.sqrt(3 * COMPARED), 2 * twist / np.sqrt(COMPARED), 0.5 * stretch[:, None]], axis=1)
 
     def residual(self, model):
-        strains = model.simulate_levels(self.levels, self.steps, start=self.start).strains[1:]
+        strains = model.simulate(self.levels, self.steps, start=self.start).strains[1:]
         predicted = self._features(model.frames(strains, self.stations), strains[..., 3] @ model.shares)
         return np.nan_to_num(predicted - self.measured, nan=10.0, posinf=10.0, neginf=-10.0).ravel()
 

@@ -110,18 +110,17 @@ def design(plan, model, period=0.05):
     activation = plan.schedule.activation()
     steps = np.full(count, period)
     levels = model.levels(activation, period * np.arange(1, count + 1))
-    motion = model.simulate_levels(levels, steps)
+    motion = model.simulate(levels, steps)
     groups = activation.groups
     columns = [MUSCLE_GROUPS.index(group) for group in groups]
-    transition, influence = model.linearise(motion.strains[:-1], motion.rates[1:], levels, steps)
+    transition, influence, drag = model.linearise(motion, levels, steps)
     influence = influence[:, :, columns].sum(axis=3)
     planned = levels[:, columns].max(axis=2)
-    drag = model.drag_slopes(motion.strains[:-1], motion.rates[1:], levels, steps)
     disturbance = np.concatenate([influence * planned[:, None, :], drag[:, :, None]], axis=2)
 
     scale = _strain_scale(model)
     change = np.diff(motion.strains, axis=0).reshape(count, -1)
-    values, slopes = model.output_slopes(motion.strains, plan.task.convention.pole)
+    values, slopes = model.outputs(motion.strains, plan.task.convention.pole)
     values, slopes = values[:, :2], slopes[:, :2].reshape(count + 1, 2, -1)
     price = np.swapaxes(slopes, 1, 2) @ slopes / TOPOLOGY_ERROR**2 + np.diag(1 / (SHAPE_ERROR * scale) ** 2)
     effort = 1 / (CORRECTION * (REST_SHARE + planned / np.maximum(planned.max(axis=0), LEAST_LEVEL))) ** 2

@@ -1,19 +1,15 @@
-"""Water drag of the reduced model: J' M J with the Jacobian of the current shape.
+"""Water drag of the reduced model through the Jacobian of the current shape, as CasADi expressions.
 
 The arm is cut into fine elements of constant strain. Seen from the middle of its chord, in its middle frame, a strain rate of element i
 turns and moves everything beyond it by a twist (angular velocity, velocity), linear in the rates; `Chain` holds these twists in the
 laboratory frame about the base, together with the points and tangents of the elements' far ends, where drag is lumped.
 
-With M_j the 6 x 6 drag of node j and I_j = sum of M_l over l >= j (the drag of all that hangs on element j), the generalised drag is
-
-    D = sum over j of (J_j-1 + S_j H_j / 2)' I_j S_j H_j + transpose,      J_j = sum of S_i H_i over i <= j
-
-with S_i the twists of element i and H_i the hat functions there: each pair of elements is counted once, with the drag of what hangs on
-the outer one. Sections that lie apart need one product each, because J does not change any more beyond a hat's end.
+The force of the water on a node does work on all elements before it; summed from the tip inwards, every element meets once the force and
+the torque about the base of all that hangs on it.
 
 References
 ----------
-Featherstone (2008), *Rigid Body Dynamics Algorithms*, ch. 6: the same sums for inertia (composite rigid bodies).
+Featherstone (2008), *Rigid Body Dynamics Algorithms*, ch. 5: the same sums for inertia (recursive Newton-Euler).
 """
 
 from typing import NamedTuple
@@ -21,11 +17,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from .drag_kernels import SLOWEST
 from .kinematics import BASE_FRAME, section_bounds
 from .outputs import exponential
-
-SLOWEST = 1e-3
-"""Speed, m/s, below which quadratic drag goes over into linear drag (so that it has a slope at rest)."""
 
 SLENDER = 3.5
 """Fine elements are half a section long; where that is more than so many radii, and bends are sharp, they are halved."""
@@ -119,8 +113,8 @@ def normal_coefficient(drag, index, velocity, tangent, factors):
     return factors["linear_drag"] * drag.linear[index], factors["quadratic_drag"] * drag.quadratic[index] * speed
 
 
-def drag_matrix(shape, hats, drag, rates, factors):
-    """Generalised drag (4 S, 4 S), section by section, at the strain rates `rates`.
+def drag_force(shape, hats, drag, rates, moved, factors):
+    """Generalised drag (4, S) of a motion.
 
     Parameters
     ----------
@@ -129,57 +123,11 @@ def drag_matrix(shape, hats, drag, rates, factors):
     drag : NodeDrag
     rates : (4, S) SX, 1/s
         They set the size of the quadratic drag.
+    moved : (4, S) SX
+        What the drag acts against: the rates themselves, or the motion of a step.
     factors : dict of str to SX
         Identified factors by name.
     """
-    sections = hats.shape[1]
-    velocities = [motion[0] for motion in node_motion(shape, hats, rates)]
-    spin_block, cross_block, force_block = ca.SX.zeros(3, 3), ca.SX.zeros(3, 3), ca.SX.zeros(3, 3)
-    hanging = [None] * len(hats)
-    for index in reversed(range(len(hats))):
-        tangent, point = shape.tangents[index], ca.skew(shape.points[index])
-        linear, normal = normal_coefficient(drag, index, velocities[index], tangent, factors)
-        along = tangent @ tangent.T
-        force = (linear + normal) * ca.SX.eye(3) - normal * along
-        shifted = point @ force
-        rotational = 0.5 * factors["rotational_drag"] * drag.rotational[index]
-        spin_block += rotational * (ca.SX.eye(3) + along) - shifted @ point
-        cross_block += shifted
-        force_block += force
-        hanging[index] = spin_block, cross_block, force_block
-    blocks = {(n, m): ca.SX.zeros(4, 4) for m in range(sections) for n in range(m + 1)}
-    jacobians = [None] * sections  # (turning, moving) of each section so far
-    pending = {}  # sum of hat-weighted wrenches of a section over the elements of one interval, for the sections that are complete
-    for index, weights in enumerate(hats):
-        active = np.flatnonzero(weights)
-        turning, moving = shape.turning[index], shape.moving[index]
-        spin_block, cross_block, force_block = hanging[index]
-        torque = ca.horzcat(spin_block @ turning, ca.SX(3, 1)) + cross_block @ moving
-        force = ca.horzcat(cross_block.T @ turning, ca.SX(3, 1)) + force_block @ moving
-        products = {}
-        for n in active:
-            grown = (weights[n] * turning, weights[n] * moving)
-            before = jacobians[n]
-            half = tuple(0.5 * part for part in grown) if before is None else tuple(b + 0.5 * g for b, g in zip(before, grown, strict=True))
-            products[n] = _power(half, torque, force)
-            jacobians[n] = grown if before is None else tuple(b + g for b, g in zip(before, grown, strict=True))
-            key = (int(active[0]), int(n))
-            add = (weights[n] * torque, weights[n] * force)
-            pending[key] = add if key not in pending else tuple(p + a for p, a in zip(pending[key], add, strict=True))
-        for m in active:
-            for n in active:
-                if n < m:
-                    blocks[n, m] += weights[m] * products[n] + weights[n] * products[m].T
-                elif n == m:
-                    blocks[m, m] += weights[m] * (products[m] + products[m].T)
-    for (first, m), (torque, force) in pending.items():
-        for n in range(first):
-            blocks[n, m] += _power(jacobians[n], torque, force)
-    return ca.vertcat(*(ca.horzcat(*(blocks[n, m] if n <= m else blocks[m, n].T for m in range(sections))) for n in range(sections)))
-
-
-def drag_force(shape, hats, drag, rates, moved, factors):
-    """Product of `drag_matrix` at `rates` with the rates `moved` (4, S), without the matrix; (4, S)."""
     sections = hats.shape[1]
     velocities = [motion[0] for motion in node_motion(shape, hats, rates)]
     motions = node_motion(shape, hats, moved)
@@ -201,9 +149,3 @@ def drag_force(shape, hats, drag, rates, moved, factors):
 def _combine(weights, values):
     """Weighted sum over the sections whose hats act here."""
     return sum(float(weights[n]) * values[n] for n in np.flatnonzero(weights))
-
-
-def _power(jacobian, torque, force):
-    """Rate of work (4, 4) of the wrenches (torque, force), (3, 4) each, on the twists of a section."""
-    turning, moving = jacobian
-    return moving.T @ force + ca.vertcat(turning.T @ torque, ca.SX(1, 4))

@@ -71,16 +71,6 @@ def outputs(arm, sections):
     )
 
 
-@lru_cache(maxsize=8)
-def output_slopes(arm, sections):
-    """(strains (4, S), pole (3,)) -> what `octoctrl.planners.model.readings.OUTPUTS` names in one column, and derivatives (11, 4 S)."""
-    function = outputs(arm, sections)
-    q, pole = ca.SX.sym("strains", 4, sections), ca.SX.sym("pole", 3)
-    twist, writhe, link, total, tip, frame, uturn = function(q, pole)
-    values = ca.vertcat(twist, writhe, link, total, tip, uturn, frame[:, 2])
-    return ca.Function("output_slopes", [q, pole], [values, ca.densify(ca.jacobian(values, ca.vec(q)))], {"cse": True})
-
-
 def _triangle(a, b, c):
     """Signed area of the spherical triangle of three unit vectors."""
     return 2 * ca.atan2(ca.dot(a, ca.cross(b, c)), 1 + ca.dot(a, b) + ca.dot(b, c) + ca.dot(c, a))

@@ -5,7 +5,6 @@ equations, a Newton iteration with the exact tangent of the fibres. Water does n
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -64,6 +63,8 @@ def equilibrium(model, levels, start=None):
     OctoctrlError
         If a section finds no equilibrium.
     """
+    from .dynamics import statics
+
     levels = np.asarray(levels, dtype=float)
     expected = (len(MUSCLE_GROUPS), model.sections)
     if levels.shape[-2:] != expected:
@@ -71,7 +72,7 @@ def equilibrium(model, levels, start=None):
     batch = levels.shape[:-2]
     u = np.moveaxis(levels, -1, -2).reshape(-1, len(MUSCLE_GROUPS))
     q = np.broadcast_to(model.rest if start is None else np.asarray(start, dtype=float), (*batch, model.sections, 4)).reshape(-1, 4).copy()
-    forces = _forces(model.structure, len(u))
+    forces = statics(model.structure).map(len(u) // model.sections)
     factors = np.repeat(model.parameters.vector()[:, None], len(u) // model.sections, axis=1)
     section = model.arm.section((model.edges[1:] + model.edges[:-1]) / 2)
     scale = np.ones((model.sections, 4))
@@ -79,7 +80,7 @@ def equilibrium(model, levels, start=None):
     scale = np.tile(scale, (len(u) // model.sections, 1))
     trust, before = np.full(len(q), TRUST), np.full(len(q), np.inf)
     for _ in range(200):
-        force, tangent, _, _ = forces(q.T, u.T, factors)
+        force, tangent = forces(q.T, u.T, factors)
         force = np.asarray(force).T * scale
         tangent = np.asarray(tangent).reshape(4, -1, 4).swapaxes(0, 1) * scale[:, :, None] * scale[:, None, :]
         size = np.linalg.norm(force, axis=1)
@@ -139,7 +140,7 @@ def reach_limits(model, side, level):
     mean_bend = strains[mixed - 1, :, :2].sum(axis=0)
     base1, base2 = model.frames(model.rest, [0.0, model.arm.length])[0, :2]
     pole = mean_bend[0] * base1 + mean_bend[1] * base2
-    writhe = model.output_slopes(strains[mixed:-2], pole / np.linalg.norm(pole))[0][:, 1]
+    writhe = model.outputs(strains[mixed:-2], pole / np.linalg.norm(pole))[0][:, 1]
     return ReachLimits(
         level=level,
         side=tuple(side),
@@ -148,10 +149,3 @@ def reach_limits(model, side, level):
         writhe=float(np.abs(writhe).max()),
         length=(float(stretch.min() * model.arm.length), float(stretch.max() * model.arm.length)),
     )
-
-
-@lru_cache(maxsize=16)
-def _forces(structure, count):
-    from .dynamics import functions
-
-    return functions(structure).statics.map(count // structure.sections)

@@ -11,12 +11,8 @@ from octoctrl.sim.body.arm import Arm
 
 from ..contracts import Expression, Floats, Goal
 from .kinematics import BASE_FRAME, element_stations, hat_means, section_bounds
+from .output_kernels import OUTPUTS
 from .outputs import exponential
-
-OUTPUTS = (
-    "twist", "lifted_writhe", "lifted_link", "length", "tip1", "tip2", "tip3", "uturn", "tangent1", "tangent2", "tangent3",
-)  # fmt: skip
-"""Order of the outputs in `octoctrl.planners.model.reduced.ReducedModel.output_slopes`; the tangent is the tip's."""
 
 
 class ModelOutputs:

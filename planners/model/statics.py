@@ -27,11 +27,9 @@ import numpy as np
 
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, azimuth
 
+from .fibre_kernels import RATE_BLEND
 from .kinematics import hat_means, section_bounds
 from .parameters import FACTORS
-
-RATE_BLEND = 0.01
-"""Stretch rate, 1/s, over which the shortening and lengthening branches are blended."""
 
 CONSTANTS = (
     "cord_area", "muscle_area", "ring_area", "oblique_area", "muscle_offset", "oblique_offset", "oblique_stretch", "bending", "twisting",
@@ -229,7 +227,7 @@ def section_forces(arm, laws, q, u, constants, factors):
     gradients.append(ca.vertcat(0, 0, 0, lam1))
     force[3] += pull * lam1
     tangent[3, 3] += stiffness * lam1**2 + pull * lam2
-    pull, stiffness = tension("longitudinal", value["cord_area"], names["tone"], 1.0, 1.0, e, 1.0)
+    pull, stiffness = tension("longitudinal", value["cord_area"], names["tone"], names["longitudinal_stress"], 1.0, e, 1.0)
     viscosity.pop()  # the tone of the nerve cord is too small for any
     force[3] += pull
     tangent[3, 3] += stiffness
@@ -244,18 +242,8 @@ def section_forces(arm, laws, q, u, constants, factors):
     )
 
 
-def section_viscosity(arm, forces, constants, rates):
-    """Viscosity matrix (4, 4) of a section at the strain rates `rates` (4,), 1/s."""
-    coefficients = _viscosity_coefficients(arm, forces, constants, rates)
-    matrix = ca.SX(4, 4)
-    for row in range(4):
-        for column in range(row, 4):
-            matrix[row, column] = ca.dot(coefficients, forces.gradients[row, :].T * forces.gradients[column, :].T)
-    return ca.triu2symm(matrix)
-
-
 def viscous_force(arm, forces, constants, rates, motion):
-    """Product of `section_viscosity` at `rates` with the strains `motion` (4,), without the matrix."""
+    """Hill's viscous force of a section: the viscosity at the strain rates `rates` (4,), 1/s, times the strains `motion` (4,)."""
     return forces.gradients @ (_viscosity_coefficients(arm, forces, constants, rates) * (forces.gradients.T @ motion))
 
 

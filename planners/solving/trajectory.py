@@ -152,7 +152,7 @@ class PhaseProblem:
     def simulate(self, p):
         """Motion of the reduced model under `p`."""
         lengths, levels = self._horizon(p)
-        return self.model.simulate_levels(levels, lengths)
+        return self.model.simulate(levels, lengths)
 
     def misses(self, p):
         """Residuals of the goals at the instants at which they have to hold, (R,)."""
@@ -174,7 +174,7 @@ class PhaseProblem:
         needed = np.unique(np.concatenate([instants for instants, _ in self.rows])) if self.rows else np.empty(0, dtype=int)
         found, found_slopes, when = [np.empty(0)], [np.empty((0, *strains.shape[1:]))], [np.empty(0, dtype=int)]
         if len(needed):
-            outputs, output_slopes = self.model.output_slopes(strains[needed], self.task.convention.pole)
+            outputs, output_slopes = self.model.outputs(strains[needed], self.task.convention.pole)
         for instants, function in self.rows:
             place, count = np.searchsorted(needed, instants), len(instants)
             values, by_outputs, by_strains = function(outputs[place].T, strains[instants].reshape(-1, strains.shape[2]).T)
@@ -399,7 +399,7 @@ def _finished(problem, identified, p, status, report):
     pieces = [np.linspace(a, b, max(2, int(np.ceil((b - a) / PREDICTION_STEP)) + 1))[1:] for a, b in pairwise(edges)]
     time = np.concatenate([[0.0], *pieces])
     levels = model.levels(schedule.activation(), time[1:])
-    motion = model.simulate_levels(levels, np.diff(time))
+    motion = model.simulate(levels, np.diff(time))
     trace = model.trace(motion.time, motion.strains, task.convention)
     recording = model.recording(motion.time, motion.strains)
     goals = tuple(

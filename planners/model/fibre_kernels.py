@@ -1,0 +1,354 @@
+"""Fibres of one section for the compiled step: viscous and elastic forces, and their exact tangent.
+
+The laws and the geometry are those of `statics`, where they are written out and sourced. All functions take real or complex numbers:
+branches look at real parts and nothing takes a size, so that a derivative along any direction is the imaginary part of the residual at an
+argument with an imaginary part of `TINY`, exact to rounding (complex step: Squire & Trapp 1998).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octoctrl.sim.compiler import kernel
+
+Floats = NDArray[np.float64]
+
+TINY = 1e-30
+"""Imaginary part of a complex step."""
+
+RATE_BLEND = 0.01
+"""Stretch rate, 1/s, over which the shortening and lengthening branches of Hill's law are blended."""
+
+COMPRESSION_BLEND = 5e-3
+"""Strain over which compressive stress sets in."""
+
+
+class Law(NamedTuple):
+    """Positions in the row of numbers of a muscle law.
+
+    Active stress: `active_stress` times the hinge, of half-width `active_blend`, of the polynomial that begins at `active`, of the stretch
+    held within `low` and `top`. Tension: `tension` times the hinge, of half-width `tension_blend`, of the polynomial that begins at
+    `passive`, held within `floor` and `top` and going on with `end_slope`. Compression: `compression` times a hinge that opens `slack`
+    below rest. Stresses in Pa; polynomials of `TERMS` terms, the highest power first.
+    """
+
+    low: int = 0
+    top: int = 1
+    floor: int = 2
+    end_slope: int = 3
+    active_blend: int = 4
+    tension_blend: int = 5
+    active_stress: int = 6
+    tension: int = 7
+    compression: int = 8
+    slack: int = 9
+    rate: int = 10
+    concentric: int = 11
+    plateau: int = 12
+    eccentric: int = 13
+    active: int = 14
+    passive: int = 23
+
+
+OF, TERMS = Law(), 9
+
+
+class Fibres(NamedTuple):
+    """What the fibres of all sections share: rows of three laws (see `Law`), and
+
+    `sides` (8, 2): sine and cosine of the azimuth of the longitudinal muscles; `hoop`: exponent that couples radius to stretch; `squeeze`:
+    narrowing by active oblique muscles; `tone`: level at rest; `viscosity`: factor on Hill's; `pitch_rate`, 1/m: turn of oblique fibres;
+    `embedded`: factor on the passive stress of oblique fibres.
+    """
+
+    longitudinal: Floats
+    oblique: Floats
+    transverse: Floats
+    sides: Floats
+    hoop: float
+    squeeze: float
+    tone: float
+    viscosity: float
+    pitch_rate: float
+    embedded: float
+
+
+class Place(NamedTuple):
+    """Positions of a section's constants in its row; the order of `statics.CONSTANTS`, stiffnesses with their factors."""
+
+    cord: int = 0
+    muscle: int = 1
+    ring: int = 2
+    oblique: int = 3
+    muscle_offset: int = 4
+    oblique_offset: int = 5
+    oblique_stretch: int = 6
+    bending: int = 7
+    twisting: int = 8
+    ring_twisting: int = 9
+    narrowing: int = 10
+    length: int = 11
+
+
+AT = Place()
+RIGHT, LEFT, RING = 8, 9, 10
+"""Rows of the oblique families and of the transverse muscle in a column of levels."""
+
+
+@kernel
+def polynomial(law, first, x):
+    """Value and slope of the polynomial of a law that begins at `first`."""
+    value, slope = law[first] + 0 * x, 0 * x
+    for index in range(first + 1, first + TERMS):
+        slope = slope * x + value
+        value = value * x + law[index]
+    return value, slope
+
+
+@kernel
+def hinge(x, width):
+    """max(x, 0) with a parabola between -width and width, and its slope."""
+    if x.real <= -width:
+        return 0 * x, 0 * x
+    if x.real >= width:
+        return x, 1 + 0 * x
+    inside = x + width
+    return inside * inside / (4 * width), inside / (2 * width)
+
+
+@kernel
+def active_stress(law, s):
+    """Active stress at full level, Pa, and its slope."""
+    if s.real <= law[OF.low] or s.real >= law[OF.top]:
+        value, _ = polynomial(law, OF.active, (law[OF.low] if s.real <= law[OF.low] else law[OF.top]) + 0 * s)
+        return law[OF.active_stress] * hinge(value, law[OF.active_blend])[0], 0 * s
+    value, slope = polynomial(law, OF.active, s)
+    f, opening = hinge(value, law[OF.active_blend])
+    return law[OF.active_stress] * f, law[OF.active_stress] * opening * slope
+
+
+@kernel
+def passive_stress(law, s):
+    """Stress of the resting tissue, Pa, and its slope."""
+    if s.real > law[OF.top]:
+        curve, _ = polynomial(law, OF.passive, law[OF.top] + 0 * s)
+        curve, rise = curve + law[OF.end_slope] * (s - law[OF.top]), law[OF.end_slope] + 0 * s
+    elif s.real <= law[OF.floor]:
+        curve, rise = polynomial(law, OF.passive, law[OF.floor] + 0 * s)[0], 0 * s
+    else:
+        curve, rise = polynomial(law, OF.passive, s)
+    tension, opening = hinge(curve, law[OF.tension_blend])
+    pressed, closing = hinge(1 - law[OF.slack] - s, COMPRESSION_BLEND)
+    return law[OF.tension] * tension - law[OF.compression] * pressed, law[OF.tension] * opening * rise + law[OF.compression] * closing
+
+
+@kernel
+def hill_secant(law, rate):
+    """Loss of active stress per stretch rate, s, over the isometric stress, and its slope by the rate."""
+    square = rate * rate
+    size = np.sqrt(square + RATE_BLEND * RATE_BLEND)
+    magnitude = square / size / law[OF.rate]
+    lengthening = 0.5 * (1 + rate / size)
+    stretch = law[OF.eccentric] / law[OF.concentric]
+    short = (1 + 1 / law[OF.concentric]) / (1 + magnitude / law[OF.concentric])
+    long = (law[OF.plateau] - 1) * (1 + stretch) / (1 + stretch * magnitude)
+    magnitude_slope = (2 * rate / size - square * rate / (size * size * size)) / law[OF.rate]
+    lengthening_slope = 0.5 * (1 / size - square / (size * size * size))
+    short_slope = -short / (law[OF.concentric] + magnitude) * magnitude_slope
+    long_slope = -long * stretch / (1 + stretch * magnitude) * magnitude_slope
+    secant = short + lengthening * (long - short)
+    slope = short_slope + lengthening_slope * (long - short) + lengthening * (long_slope - short_slope)
+    return secant / law[OF.rate], slope / law[OF.rate]
+
+
+@kernel
+def radius_factor(q, levels, place, hoop, squeeze):
+    """Radius over rest radius of a section, and its first and second derivative by the stretch."""
+    narrowed = 1 + squeeze * place[AT.narrowing] * (levels[RIGHT] + levels[LEFT])
+    lam = np.exp(-hoop * np.log(q[3])) / narrowed
+    first = -hoop * lam / q[3]
+    return lam, first, -(hoop + 1) * first / q[3]
+
+
+@kernel
+def fibre_length(index, q, lam, lam1, place, sides, pitch_rate, gradient):
+    """Length per rest length of the arm of longitudinal or oblique fibre `index`; its gradient by the strains goes to `gradient`."""
+    if index < RIGHT:
+        rho, turn = place[AT.muscle_offset], 0.0
+        across, along = rho * sides[index, 0], rho * sides[index, 1]
+    else:
+        rho, across, along = place[AT.oblique_offset], 0.0, 0.0
+        turn = pitch_rate if index == RIGHT else -pitch_rate
+    bent, turned = q[0] * along - q[1] * across, rho * (turn + q[2])
+    x, b = q[3] + lam * bent, lam * turned
+    length = np.sqrt(x * x + b * b)
+    gradient[0] = x * lam * along / length
+    gradient[1] = -x * lam * across / length
+    gradient[2] = b * lam * rho / length
+    gradient[3] = (x * (1 + lam1 * bent) + b * lam1 * turned) / length
+    return length
+
+
+@kernel
+def viscous_coefficient(law, area, level, s, rest, rate):
+    """Viscosity of a fibre along its length, per rest length, and its derivative by its stretch rate; `level` carries the factor on it."""
+    stress, _ = active_stress(law, s)
+    secant, slope = hill_secant(law, rate)
+    share = area * level * stress / (s * rest)
+    return share * secant, share * slope
+
+
+@kernel
+def add_viscous(law, area, level, s, rest, h, motion, gradient, out):
+    """Add the viscous force of one fibre, whose length changes by gradient . motion within `h`, to `out`."""
+    moved = gradient[0] * motion[0] + gradient[1] * motion[1] + gradient[2] * motion[2] + gradient[3] * motion[3]
+    viscosity, _ = viscous_coefficient(law, area, level, s, rest, moved / (h * rest))
+    for k in range(4):
+        out[k] += gradient[k] * viscosity * moved
+
+
+@kernel
+def section_residual(q, motion, levels, h, place, fibres, gradient, ahead, out):
+    """Viscous impulse at the strains `q` plus elastic impulse at `q + motion` of a step `h`, J s per unit strain, into `out` (4).
+
+    `levels` (11) are those at the end of the step; `gradient` and `ahead` (4) are buffers.
+    """
+    for k in range(4):
+        out[k] = 0 * (q[k] + motion[k] + levels[RING] + h)
+        ahead[k] = q[k] + motion[k]
+    lam, lam1, _ = radius_factor(q, levels, place, fibres.hoop, fibres.squeeze)
+    for index in range(RIGHT):
+        level = levels[index] + fibres.tone
+        if level != 0:
+            length = fibre_length(index, q, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
+            add_viscous(fibres.longitudinal, place[AT.muscle], fibres.viscosity * level, length, 1.0, h, motion, gradient, out)
+    for index in range(RIGHT, RING):
+        if levels[index] != 0:
+            length, rest = fibre_length(index, q, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient), place[AT.oblique_stretch]
+            add_viscous(fibres.oblique, place[AT.oblique], fibres.viscosity * levels[index], length / rest, rest, h, motion, gradient, out)
+    ring = levels[RING] + fibres.tone
+    if ring != 0:
+        for k in range(4):
+            gradient[k] = 0 * lam1
+        gradient[3] = lam1
+        add_viscous(fibres.transverse, place[AT.ring], fibres.viscosity * ring, lam, 1.0, h, motion, gradient, out)
+    lam, lam1, _ = radius_factor(ahead, levels, place, fibres.hoop, fibres.squeeze)
+    for index in range(RIGHT):
+        s = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
+        stress = (levels[index] + fibres.tone) * active_stress(fibres.longitudinal, s)[0] + passive_stress(fibres.longitudinal, s)[0]
+        for k in range(4):
+            out[k] += h * place[AT.muscle] * stress / s * gradient[k]
+    for index in range(RIGHT, RING):
+        s = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient) / place[AT.oblique_stretch]
+        stress = levels[index] * active_stress(fibres.oblique, s)[0] + fibres.embedded * passive_stress(fibres.oblique, s)[0]
+        for k in range(4):
+            out[k] += h * place[AT.oblique] * stress / s * gradient[k]
+    stress = ring * active_stress(fibres.transverse, lam)[0] + passive_stress(fibres.transverse, lam)[0]
+    out[3] += h * place[AT.ring] * stress / lam * lam1
+    e = ahead[3]
+    stress = fibres.tone * active_stress(fibres.longitudinal, e)[0] + passive_stress(fibres.longitudinal, e)[0]
+    out[3] += h * place[AT.cord] * stress / e
+    out[0] += h * place[AT.bending] * ahead[0]
+    out[1] += h * place[AT.bending] * ahead[1]
+    out[2] += h * (place[AT.twisting] + place[AT.ring_twisting]) * ahead[2]
+    for k in range(4):
+        out[k] *= place[AT.length]
+
+
+@kernel
+def add_viscous_tangent(law, area, level, s, rest, h, motion, gradient, tangent):
+    """Add the derivative of `add_viscous` by the motion to `tangent` (4, 4)."""
+    moved = gradient[0] * motion[0] + gradient[1] * motion[1] + gradient[2] * motion[2] + gradient[3] * motion[3]
+    rate = moved / (h * rest)
+    viscosity, slope = viscous_coefficient(law, area, level, s, rest, rate)
+    for i in range(4):
+        for j in range(4):
+            tangent[i, j] += (viscosity + slope * rate) * gradient[i] * gradient[j]
+
+
+@kernel
+def pull_and_stiffness(law, area, level, embedded, s, rest):
+    """Tension of a fibre over its stretch, and the derivative of that by its length, which is `rest` at rest."""
+    active, active_slope = active_stress(law, s)
+    resting, resting_slope = passive_stress(law, s)
+    pull = area * (level * active + embedded * resting) / s
+    return pull, (area * (level * active_slope + embedded * resting_slope) - pull) / (s * rest)
+
+
+@kernel
+def add_fibre_tangent(pull, stiffness, length, e, bent, turned, lam, lam1, lam2, across, along, rho, gradient, tangent):
+    """Add the derivative of pull times the gradient of length^2 = x^2 + b^2, x = e + lam bent, b = lam turned."""
+    x, b, by = e + lam * bent, lam * turned, pull / length
+    for i in range(4):
+        for j in range(4):
+            tangent[i, j] += (stiffness - by) * gradient[i] * gradient[j]
+    x0, x1, x3, b2, b3 = lam * along, -lam * across, 1 + lam1 * bent, lam * rho, lam1 * turned
+    mixed0, mixed1, mixed2 = by * (x0 * x3 + x * lam1 * along), by * (x1 * x3 - x * lam1 * across), by * (b2 * b3 + b * lam1 * rho)
+    tangent[0, 0] += by * x0 * x0
+    tangent[1, 1] += by * x1 * x1
+    tangent[0, 1] += by * x0 * x1
+    tangent[1, 0] += by * x0 * x1
+    tangent[2, 2] += by * b2 * b2
+    tangent[3, 3] += by * (x3 * x3 + b3 * b3 + lam2 * (x * bent + b * turned))
+    tangent[0, 3] += mixed0
+    tangent[3, 0] += mixed0
+    tangent[1, 3] += mixed1
+    tangent[3, 1] += mixed1
+    tangent[2, 3] += mixed2
+    tangent[3, 2] += mixed2
+
+
+@kernel
+def section_tangent(q, motion, levels, h, place, fibres, gradient, ahead, tangent):
+    """Derivative (4, 4) of `section_residual` by the motion, for real numbers."""
+    for i in range(4):
+        for j in range(4):
+            tangent[i, j] = 0.0
+        ahead[i] = q[i] + motion[i]
+    lam, lam1, _ = radius_factor(q, levels, place, fibres.hoop, fibres.squeeze)
+    stretch = place[AT.oblique_stretch]
+    for index in range(RIGHT):
+        level = levels[index] + fibres.tone
+        if level != 0.0:
+            s = fibre_length(index, q, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
+            add_viscous_tangent(fibres.longitudinal, place[AT.muscle], fibres.viscosity * level, s, 1.0, h, motion, gradient, tangent)
+    for index in range(RIGHT, RING):
+        if levels[index] != 0.0:
+            s = fibre_length(index, q, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient) / stretch
+            add_viscous_tangent(
+                fibres.oblique, place[AT.oblique], fibres.viscosity * levels[index], s, stretch, h, motion, gradient, tangent
+            )
+    ring = levels[RING] + fibres.tone
+    if ring != 0.0:
+        for k in range(3):
+            gradient[k] = 0.0
+        gradient[3] = lam1
+        add_viscous_tangent(fibres.transverse, place[AT.ring], fibres.viscosity * ring, lam, 1.0, h, motion, gradient, tangent)
+    lam, lam1, lam2 = radius_factor(ahead, levels, place, fibres.hoop, fibres.squeeze)
+    e = ahead[3]
+    rho = place[AT.muscle_offset]
+    for index in range(RIGHT):
+        across, along = rho * fibres.sides[index, 0], rho * fibres.sides[index, 1]
+        s = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
+        pull, stiffness = pull_and_stiffness(fibres.longitudinal, h * place[AT.muscle], levels[index] + fibres.tone, 1.0, s, 1.0)
+        bent, turned = ahead[0] * along - ahead[1] * across, rho * ahead[2]
+        add_fibre_tangent(pull, stiffness, s, e, bent, turned, lam, lam1, lam2, across, along, rho, gradient, tangent)
+    rho = place[AT.oblique_offset]
+    for index in range(RIGHT, RING):
+        turned = rho * (ahead[2] + (fibres.pitch_rate if index == RIGHT else -fibres.pitch_rate))
+        length = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
+        pull, stiffness = pull_and_stiffness(
+            fibres.oblique, h * place[AT.oblique], levels[index], fibres.embedded, length / stretch, stretch
+        )
+        add_fibre_tangent(pull, stiffness, length, e, 0.0, turned, lam, lam1, lam2, 0.0, 0.0, rho, gradient, tangent)
+    pull, stiffness = pull_and_stiffness(fibres.transverse, h * place[AT.ring], ring, 1.0, lam, 1.0)
+    tangent[3, 3] += stiffness * lam1 * lam1 + pull * lam2
+    pull, stiffness = pull_and_stiffness(fibres.longitudinal, h * place[AT.cord], fibres.tone, 1.0, e, 1.0)
+    tangent[3, 3] += stiffness
+    tangent[0, 0] += h * place[AT.bending]
+    tangent[1, 1] += h * place[AT.bending]
+    tangent[2, 2] += h * (place[AT.twisting] + place[AT.ring_twisting])
+    for i in range(4):
+        for j in range(4):
+            tangent[i, j] *= place[AT.length]
