@@ -12,7 +12,8 @@ import time
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
+from octoctrl.sim.assembly.core import compiled
+from octoctrl.sim.plants import make_plant
 from octoctrl.sim.topology.measures import twist, writhe
 from octoctrl.tables import machine
 
@@ -46,14 +47,14 @@ def shape(plant):
 
 def by_part(plant, repeats=60):
     """Microseconds per step of each part, best of `repeats` calls on the present state."""
-    rods, h = plant.rods, plant.h
-    _, parts = _compiled(plant.grid, plant.geometry.inclination)
+    rods, h = plant.core.rods, plant.h
+    _, parts = compiled(plant.core.grid, plant.core.geometry.inclination)
     u = np.uint64
-    grid = plant.grid
+    grid = plant.core.grid
     everything, rings = (u(1), u(grid.open_slots * grid.lanes - 1)), (u(grid.lanes), u((grid.ring_nodes + 1) * grid.lanes))
     calls = {
-        "strains and muscles, open rods": ("strain", (*everything, 0.5, 0.25 * h, plant._laws[0])),
-        "strains and muscles, rings": ("ring_strain", (*rings, 0.5, 0.25 * h, plant._laws[2])),
+        "strains and muscles, open rods": ("strain", (*everything, 0.5, 0.25 * h, plant.core._laws[0])),
+        "strains and muscles, rings": ("ring_strain", (*rings, 0.5, 0.25 * h, plant.core._laws[2])),
         "bending, open rods": ("bend", everything),
         "bending, rings": ("ring_bend", rings),
         "side by side: copies": ("gather", ()),
@@ -62,7 +63,7 @@ def by_part(plant, repeats=60):
         "ring to muscle": ("ring_muscle", ()),
         "ring to ring": ("ring_ring", ()),
         "ring to muscle, 8 side nodes": ("beside", ()),
-        "spokes: sums, pressure, water": ("scatter", plant._drag[:2]),
+        "spokes: sums, pressure, water": ("scatter", plant.core._drag[:2]),
         "ring to oblique: copies": ("fetch", (rods.ring_index, rods.helix_index)),
         "ring to oblique: forces": ("connect", ()),
         "ring to oblique: sums": ("give", (rods.ring_index, rods.helix_index)),
@@ -88,14 +89,14 @@ def by_part(plant, repeats=60):
 
 def main():
     print(", ".join(f"{name} {value}" for name, value in machine().items()), end="\n\n")
-    plant = AssemblyPlant()
+    plant = make_plant("assembly")
     activation = programme()
     plant.advance(activation, 0.2)
     print("microseconds per step by part")
     for label, value in by_part(plant).items():
         print(f"  {label:34s} {value:8.1f}")
     for step in (5e-5, 2.5e-5):
-        plant = AssemblyPlant(dt=step)
+        plant = make_plant("assembly", dt=step)
         print(f"\nstep {plant.h:.2g} s: t, length mm, twist, (independent), processor s per simulated s")
         before = 0.0
         for instant, reference in INDEPENDENT.items():
@@ -106,12 +107,12 @@ def main():
             length, turns, _ = shape(plant)
             print(f"  {instant:.1f} {length:9.3f} {turns:9.5f}  {reference}  {cost:6.2f}", flush=True)
     if "full" in sys.argv[1:]:
-        plant = AssemblyPlant()
+        plant = make_plant("assembly")
         begin = time.process_time()
         print("\nwhole programme, oblique level 0.17: t, length mm, twist, writhe, volume ml")
         while plant.time < 7.0 - 1e-9:
             plant.advance(programme(0.17), 0.2)
-            print(f"  {plant.time:.1f}", *(f"{value:9.4f}" for value in (*shape(plant), plant.volume() * 1e6)), flush=True)
+            print(f"  {plant.time:.1f}", *(f"{value:9.4f}" for value in (*shape(plant), plant.core.volume() * 1e6)), flush=True)
         print(f"  {time.process_time() - begin:.1f} s for 7 simulated seconds")
 
 

@@ -13,13 +13,15 @@ import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.constants import ring_connections, straight_connections
+from octoctrl.sim.assembly.core import TONE_RAMP, compiled
 from octoctrl.sim.assembly.family_kernels import ring_spin_brake
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import CrossingRow as C
 from octoctrl.sim.assembly.layout import SpokeRow as S
-from octoctrl.sim.assembly.plant import TONE_RAMP, AssemblyPlant, _compiled
 from octoctrl.sim.assembly.stepping import CORD_SLIP_RATE, RING_SPIN_RATE
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
+from octoctrl.sim.plants import make_plant
+from octoctrl.sim.sources import sampled
 
 PROGRAMMES = {
     "twist": (Plateau(groups=("R-OM",), level=0.3, window=(0.0, 0.2 * 357 / 360)),),
@@ -74,8 +76,8 @@ class Ledger:
     """Steps a plant and keeps the work of every class of force, J."""
 
     def __init__(self, plant):
-        self.plant, rods, arm, geometry = plant, plant.rods, plant.arm, plant.geometry
-        _, self.parts = _compiled(plant.grid, geometry.inclination)
+        self.plant, rods, arm, geometry = plant, plant.core.rods, plant.arm, plant.core.geometry
+        _, self.parts = compiled(plant.core.grid, geometry.inclination)
         self.brake = ring_spin_brake(rods.grid)
         self.families = (
             Family(rods.straight, geometry.straight, arm.longitudinal, False, {"nodes": True}),
@@ -94,9 +96,9 @@ class Ledger:
 
     def step(self, share):
         """Advance by one time step, `share` of the way between the samples' levels."""
-        plant, parts, rods, flat, h = self.plant, self.parts, self.plant.rods, self.plant.rods.flat, self.plant.h
+        plant, parts, rods, flat, h = self.plant, self.parts, self.plant.core.rods, self.plant.core.rods.flat, self.plant.h
         parts["move"](flat, 0.5 * h)
-        parts["measure"](flat, share, h, plant._laws)
+        parts["measure"](flat, share, h, plant.core._laws)
         self.book_swelling()
         internal = [self.internal(family, share) for family in self.families]
         external = self.external()
@@ -209,7 +211,7 @@ class Ledger:
 
     def external(self):
         """Forces and torques (three families each) by class of connection, from the parts of the spokes and the crossings."""
-        plant, parts, rods, flat = self.plant, self.parts, self.plant.rods, self.plant.rods.flat
+        plant, parts, rods, flat = self.plant, self.parts, self.plant.core.rods, self.plant.core.rods.flat
         self.old_spin = {id(f): vectors(f.view, R.W1) for f in self.families}
         for row in S:
             if S.F1 <= row < S.O1:
@@ -238,7 +240,7 @@ class Ledger:
         found.append(("ring to muscle", (self.to_nodes(f), None, vectors(rods.ring, R.F1) - ring_before), (None, None, None)))
         of_connections = self.to_nodes(self.spoke_loads()[0])
         tension = vectors(rods.straight, R.N1)
-        parts["scatter"](flat, *plant._drag[:2])
+        parts["scatter"](flat, *plant.core._drag[:2])
         load = vectors(rods.straight, R.N1) - tension
         pressed = np.pad(load, ((0, 0), (0, 1), (0, 0))) - np.pad(load, ((0, 0), (1, 0), (0, 0)))
         found.append(("pressure", (pressed, None, None), (None, None, None)))
@@ -248,7 +250,7 @@ class Ledger:
 
     def spoke_loads(self):
         """Forces and couples on the straight rods' elements (9, N, 3), and on the rings' nodes and elements (N, nodes, 3), so far."""
-        rods = self.plant.rods
+        rods = self.plant.core.rods
         lanes, n = rods.grid.lanes, rods.grid.rings
 
         def of(name, suffix="", later=0):
@@ -313,7 +315,7 @@ class Ledger:
 
     def connection_energies(self):
         """Of cord to muscle, muscle to muscle, ring to muscle with its nine nodes, ring to oblique with its five pairs."""
-        rods, sides = self.plant.rods, self.sides
+        rods, sides = self.plant.core.rods, self.sides
         nodes = vectors(rods.straight, R.X1, nodes=True)
         centre, radius = (nodes[:, 1:] + nodes[:, :-1]) / 2, rods.straight(R.RADIUS)
         frames = np.stack([rods.straight(R.Q11 + i) for i in range(9)], axis=-1).reshape(9, -1, 3, 3)
@@ -342,7 +344,7 @@ class Ledger:
         fibre = np.concatenate([fibre, fibre[:, -1:]], axis=1)
         every, of_oblique = np.arange(rods.grid.rings), 0.0
         for j in range(8):
-            side, q, node = (1 if j < 4 else -1), self.plant.geometry.oblique_nodes[j], 2 * every
+            side, q, node = (1 if j < 4 else -1), self.plant.core.geometry.oblique_nodes[j], 2 * every
             gap = ring[every, q] + (thick[every, q] + fibre[j, node])[:, None] * outward[every, q] - helix[j, node]
             of_oblique += np.sum(0.5 * self.ring.oblique_spring[:, None] * gap**2)
             for dh, dq in ((0, 0), (side, 1), (side, 2), (-side, -1), (-side, -2)):
@@ -363,25 +365,25 @@ def hertz(stiffness, overlap, effective):
 
 def run(name, duration=0.3, dt="auto"):
     """Step a plant through a programme; returns the ledger, kinetic energies and potentials at begin and end."""
-    plant, activation = AssemblyPlant(dt=dt), Activation(templates=PROGRAMMES[name])
-    ledger, rods = Ledger(plant), plant.rods
+    plant, activation = make_plant("assembly", dt=dt), Activation(templates=PROGRAMMES[name])
+    ledger, rods = Ledger(plant), plant.core.rods
     transverse = MUSCLE_GROUPS.index("TM")
     for sample in range(round(duration / plant.sample_interval)):
-        levels = plant._levels(activation, 1)
+        found = sampled(activation, plant.clock.instants(sample, 1), plant.core.partitions, plant.arm.layout)
+        levels, oblique = found["arm"], found["oblique"]
         for row, instant in ((R.LEVEL_BEFORE, 0), (R.LEVEL_AFTER, 1)):
-            tone = plant.resting_tone * min(1.0, (plant.samples + instant) * plant.sample_interval / TONE_RAMP)
+            tone = plant.core.resting_tone * min(1.0, (sample + instant) * plant.sample_interval / TONE_RAMP)
             rods.straight(row)[:] = tone
             rods.straight(row)[1:] = np.maximum(levels[instant, :8], tone)
-            rods.oblique(row)[:4], rods.oblique(row)[4:] = plant._oblique_levels[instant, 1], plant._oblique_levels[instant, 0]
+            rods.oblique(row)[:4], rods.oblique(row)[4:] = oblique[instant, 9], oblique[instant, 8]
             rods.ring(row)[:] = np.maximum(levels[instant, transverse], tone)[:, None]
         for step in range(plant.steps):
             if sample == step == 0:
-                ledger.parts["measure"](rods.flat, 0.0, plant.h, plant._laws)
+                ledger.parts["measure"](rods.flat, 0.0, plant.h, plant.core._laws)
                 first = ledger.kinetic() + ledger.spin_energy(), ledger.potentials()
             ledger.step((step + 0.5) / plant.steps)
             ledger.swelling_last = ledger.spin_energy()
-        plant.samples += 1
-    ledger.parts["measure"](rods.flat, 1.0, plant.h, plant._laws)
+    ledger.parts["measure"](rods.flat, 1.0, plant.h, plant.core._laws)
     ledger.book_swelling()
     return ledger, first, (ledger.kinetic() + ledger.spin_energy(), ledger.potentials())
 
@@ -392,7 +394,8 @@ def report(name, duration=0.3, dt="auto"):
     work, plant = ledger.work, ledger.plant
     length = np.linalg.norm(np.diff(plant.observe().points, axis=0), axis=1).sum() * 1e3
     print(
-        f"\n{name}, {duration} s at step {plant.h:.2g} s: length {length:.3f} mm, volume inside the rings {plant.volume() * 1e6:.3f} ml; uJ"
+        f"\n{name}, {duration} s at step {plant.h:.2g} s: length {length:.3f} mm, volume inside the rings "
+        f"{plant.core.volume() * 1e6:.3f} ml; uJ"
     )
     print(f"  {'':24s} {'work':>10s} {'stored':>10s} {'neither':>10s}")
     for label, value in sorted(work.items(), key=lambda entry: -abs(entry[1])):

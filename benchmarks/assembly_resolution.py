@@ -13,8 +13,8 @@ import time
 import numpy as np
 from assembly import programme
 
-from octoctrl.sim.assembly.plant import AssemblyPlant
 from octoctrl.sim.errors import PlantUnstableError
+from octoctrl.sim.plants import make_plant
 from octoctrl.sim.topology.measures import measure
 
 BUILDS = {"180 x  8": {"ring_nodes": 8}, "180 x 16": {"ring_nodes": 16}, "180 x 24": {"ring_nodes": 24}, "180 x 40": {}}
@@ -25,7 +25,7 @@ TRACES = ("Lk", "Wr", "Tw", "shortening")
 
 def run(options, oblique, duration):
     """The plant, its `TRACES` (4, T) in turns and mm, and processor seconds per simulated second."""
-    plant, activation = AssemblyPlant(**options), programme(oblique)
+    plant, activation = make_plant("assembly", **options), programme(oblique)
     # The first call compiles.
     pieces = [plant.advance(activation, 0.01)]
     begin = time.process_time()
@@ -63,12 +63,12 @@ def main(words):
             print(f"{name:13s}  {error}")
             continue
         end = " ".join(f"{value:7.3f}" for value in traces[:, -1])
-        print(f"{name:13s} {plant.geometry.elements:9d} {plant.h * 1e6:8.1f} {cost:28.2f}  {end}", flush=True)
+        print(f"{name:13s} {plant.core.geometry.elements:9d} {plant.h * 1e6:8.1f} {cost:28.2f}  {end}", flush=True)
     print(f"\nagainst {PUBLISHED}: greatest and rms difference, cost over its cost")
     for name in [name for name in runs if name != PUBLISHED]:
         print(f"{name}  {compare(runs[name][1], runs[PUBLISHED][1])}   {runs[name][2] / runs[PUBLISHED][2]:.2f}")
     if len(runs) > 1:
-        elements, per_step = zip(*((plant.geometry.elements, cost * plant.h) for plant, _, cost in runs.values()), strict=True)
+        elements, per_step = zip(*((plant.core.geometry.elements, cost * plant.h) for plant, _, cost in runs.values()), strict=True)
         print(f"\ntime per step grows as the number of elements to the power {np.polyfit(np.log(elements), np.log(per_step), 1)[0]:.2f}")
 
 

@@ -12,10 +12,12 @@ from assembly import programme
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.buffer import set_filter_masks
+from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.layout import AssemblyRow as R
-from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
+from octoctrl.sim.plants import make_plant
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.sources import sampled
 from octoctrl.sim.topology.measures import measure, twist, writhe
 
 FAMILIES = ("cord", "LM", "L-OM", "R-OM", "rings")
@@ -23,7 +25,7 @@ FAMILIES = ("cord", "LM", "L-OM", "R-OM", "rings")
 
 def motion(level, dt, duration):
     """Times (s), lifted link, lifted writhe, twist (turns) and cord length (mm) on the coil programme."""
-    plant, pieces = AssemblyPlant(dt=dt), []
+    plant, pieces = make_plant("assembly", dt=dt), []
     while plant.time < duration - 1e-9:
         pieces.append(plant.advance(programme(level), 0.1))
     recording = Recording.joined(pieces)
@@ -57,20 +59,21 @@ def families(rods):
 
 def single_steps(plant, activation, count):
     """Velocities of the families (count, rods, nodes, 3) after each of `count` steps at the levels of now."""
-    rods, n = plant.rods, plant.elements
-    levels = plant._levels(activation, 0)[0]
-    tone = plant.resting_tone
+    rods, n = plant.core.rods, plant.elements
+    found = sampled(activation, plant.clock.instants(plant.samples, 0), plant.core.partitions, plant.arm.layout)
+    levels = found["arm"][0]
+    tone = plant.core.resting_tone
     longitudinal = np.full((2, 9, n), tone)
     longitudinal[:, 1:] = np.maximum(levels[:8], tone)
     transverse = np.tile(np.maximum(levels[MUSCLE_GROUPS.index("TM")], tone), (2, 1))
-    oblique = np.repeat(plant._oblique_levels, 2, axis=0)
-    step, _ = _compiled(plant.grid, plant.geometry.inclination, plant.paper_compatible)
+    oblique = np.repeat(found["oblique"][:, 8:10], 2, axis=0)
+    step, _ = compiled(plant.core.grid, plant.core.geometry.inclination, plant.core.paper_compatible)
     out, seen = (np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))), []
     for _ in range(count):
-        if plant.paper_compatible:
+        if plant.core.paper_compatible:
             set_filter_masks(rods)
         tables = (rods.ring_index, rods.helix_index)
-        step(rods.flat, plant.h, 1, longitudinal, oblique, transverse, plant._laws, plant._drag, *tables, *out, False)
+        step(rods.flat, plant.h, 1, longitudinal, oblique, transverse, plant.core._laws, plant.core._drag, *tables, *out, False)
         seen.append(families(rods))
     return [np.stack(values) for values in zip(*seen, strict=True)]
 
@@ -96,7 +99,7 @@ def noise():
     print("noise over mean speed, R-OM at 0.3 after 0.3 s: in time / in space / in space of the mean of 60 steps")
     kept = {}
     for label, options, until in cases:
-        plant = AssemblyPlant(**options)
+        plant = make_plant("assembly", **options)
         plant.advance(programme(), until)
         cells = []
         for name, v in zip(FAMILIES, single_steps(plant, programme(), 60), strict=True):
@@ -119,11 +122,11 @@ def volume():
         ("R-OM", ("R-OM",), 0.3),
         ("both OM", ("R-OM", "L-OM"), 0.3),
     ):
-        plant, cells = AssemblyPlant(), []
-        rest, activation = plant.volume(), Activation(templates=(Plateau(groups=groups, level=level, rise=0.4),))
+        plant, cells = make_plant("assembly"), []
+        rest, activation = plant.core.volume(), Activation(templates=(Plateau(groups=groups, level=level, rise=0.4),))
         for _ in range(8):
             plant.advance(activation, 0.1)
-            cells.append(f"{100 * plant.volume() / rest:8.1f}")
+            cells.append(f"{100 * plant.core.volume() / rest:8.1f}")
         print(f"{label:12s} {level:5.2f}", *cells, flush=True)
 
 
@@ -131,9 +134,9 @@ def rest():
     """Print the fastest node of an arm without any tone, pushed by 1 nm/s, as it is and with the rings' radius fixed in the joints."""
     print(f"{'step us':>8s} {'radius of rings':>16s}  fastest node, m/s, every 5 ms")
     for dt, fixed in ((5e-5, False), (2.5e-5, False), (1.25e-5, False), (2.5e-5, True)):
-        plant = AssemblyPlant(dt=dt, resting_tone=0.0)
-        rods, h, cells = plant.rods, plant.h, []
-        _, parts = _compiled(plant.grid, plant.geometry.inclination)
+        plant = make_plant("assembly", dt=dt, resting_tone=0.0)
+        rods, h, cells = plant.core.rods, plant.h, []
+        _, parts = compiled(plant.core.grid, plant.core.geometry.inclination)
         generator = np.random.default_rng(1)
         for view in (rods.straight, rods.oblique, rods.ring):
             for row in (R.V1, R.V2, R.V3):
@@ -141,11 +144,11 @@ def rest():
         for _ in range(6):
             for _ in range(plant.steps):
                 parts["move"](rods.flat, h / 2)
-                parts["measure"](rods.flat, 0.5, h, plant._laws)
+                parts["measure"](rods.flat, 0.5, h, plant.core._laws)
                 if fixed:
                     rods.rings[R.RADIUS] = rods.rings[R.REST_RADIUS]
                 parts["crossings"](rods.flat, rods.ring_index, rods.helix_index)
-                parts["spokes"](rods.flat, plant._drag[:2])
+                parts["spokes"](rods.flat, plant.core._drag[:2])
                 for part in ("push", "relax"):
                     parts[part](rods.flat)
                 parts["move"](rods.flat, h / 2)
@@ -157,7 +160,7 @@ def published(folder):
     """Print the published numerics against a recorded run of the published code."""
     rows = np.loadtxt(folder / "fig2c.csv", delimiter=",", skiprows=1)
     states = np.load(folder / "fig2c-states.npz")
-    plant = AssemblyPlant(paper_compatible=True, sample_interval=2e-3)
+    plant = make_plant("assembly", paper_compatible=True, sample_interval=2e-3)
     print("differences: twist, writhe (turns), length, tip (mm), rms of the nodes (mm) of cord, LM, OM, rings")
     worst = {}
     for t, *tip, length, wr, tw in rows[1:]:
@@ -174,7 +177,7 @@ def published(folder):
         line = f"{t:5.2f} " + " ".join(f"{value:9.4f}" for value in found.values())
         close = np.flatnonzero(np.abs(states["t"] - t) < 1e-6)
         if close.size:
-            straight, oblique, rings = plant.nodes()
+            straight, oblique, rings = plant.core.nodes()
             theirs = [np.moveaxis(states[name][close[0]], 1, 2) * 1e-3 for name in ("straight", "oblique", "rings")]
             pairs = ((straight[:1], theirs[0][:1]), (straight[1:], theirs[0][1:]), (oblique, theirs[1]), (rings, theirs[2]))
             line += "   " + " ".join(f"{np.sqrt(np.mean(np.sum((a - b) ** 2, axis=-1))) * 1e3:8.4f}" for a, b in pairs)

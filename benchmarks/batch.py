@@ -15,8 +15,7 @@ import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
-from octoctrl.sim.plants import warmup
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import Plant, warmup
 from octoctrl.sim.running.batch import simulate_batch
 
 

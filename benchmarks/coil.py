@@ -18,8 +18,7 @@ from octoctrl.judging.comparison import level_delays
 from octoctrl.planners.asking.registry import goal
 from octoctrl.planners.fitting.identification import load_identified
 from octoctrl.planners.solving import trajectory
-from octoctrl.sim.plants import warmup
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import Plant, warmup
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.topology.measures import measure
 

@@ -10,7 +10,7 @@ import numpy as np
 from assembly import programme, shape
 
 from octoctrl.sim.assembly.layout import AssemblyRow
-from octoctrl.sim.assembly.plant import AssemblyPlant
+from octoctrl.sim.plants import make_plant
 
 DURATION, PIECE = 1.0, 0.02
 RECORDED = {0.1: (194.852, -0.1014), 0.2: (194.617, -0.5226), 0.3: (195.102, -0.8943), 0.4: (194.833, -0.9971), 0.6: (194.840, -1.0269)}
@@ -19,8 +19,8 @@ RECORDED = {0.1: (194.852, -0.1014), 0.2: (194.617, -0.5226), 0.3: (195.102, -0.
 
 def shear_angle(plant):
     """Mean angle (degrees) between director and tangent in the right-handed helices."""
-    points = np.stack([plant.rods.oblique(AssemblyRow.X1 + i, nodes=True)[4:] for i in range(3)], axis=-1)
-    director = np.stack([plant.rods.oblique(AssemblyRow.Q31 + i)[4:] for i in range(3)], axis=-1)
+    points = np.stack([plant.core.rods.oblique(AssemblyRow.X1 + i, nodes=True)[4:] for i in range(3)], axis=-1)
+    director = np.stack([plant.core.rods.oblique(AssemblyRow.Q31 + i)[4:] for i in range(3)], axis=-1)
     tangent = np.diff(points, axis=1)
     along = np.sum(director * tangent, axis=-1) / np.linalg.norm(tangent, axis=-1)
     return float(np.degrees(np.arccos(np.clip(along, -1.0, 1.0))).mean())
@@ -28,7 +28,7 @@ def shear_angle(plant):
 
 def run(**options):
     """Rows (T, 4) of time (s), twist (turns), length (mm) and shear angle (degrees)."""
-    plant, rows = AssemblyPlant(**options), []
+    plant, rows = make_plant("assembly", **options), []
     while plant.time < DURATION - 1e-9:
         plant.advance(programme(), PIECE)
         length, turns, _ = shape(plant)

@@ -12,9 +12,9 @@ import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.layout import AssemblyRow as R
-from octoctrl.sim.assembly.plant import AssemblyPlant
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
 from octoctrl.sim.errors import PlantUnstableError
+from octoctrl.sim.plants import make_plant
 from octoctrl.sim.topology.measures import twist, writhe
 
 PRIMITIVES = (
@@ -40,28 +40,28 @@ def measured(plant, volume):
     Length and volume over rest, turning of the tangent from base to tip (degrees) and the azimuth it turns to (LM1 at 0, LM3 at 90), twist
     and writhe in turns, mean ring radius over rest, length of the nerve cord over rest.
     """
-    seen, rings = plant.observe(), plant.nodes()[2]
+    seen, rings = plant.observe(), plant.core.nodes()[2]
     centres = rings.mean(axis=1)
     tangents = np.diff(centres[::3], axis=0)
     spacing = np.linalg.norm(tangents, axis=1)
     tangents /= spacing[:, None]
     turned = np.cross(np.concatenate([[[0.0, 1.0, 0.0]], tangents[:-1]]), tangents).sum(axis=0)
     return {
-        "length": spacing.sum() / np.ptp(plant.geometry.rings.points[::3, 0, 1]) - 1,
+        "length": spacing.sum() / np.ptp(plant.core.geometry.rings.points[::3, 0, 1]) - 1,
         "bend": degrees(np.linalg.norm(turned)),
         "towards": degrees(np.arctan2(turned[0], -turned[2])),
         "twist": float(twist(seen.points, -seen.frames[1:-1, 1])),
         "writhe": float(writhe(seen.points)),
-        "radius": float(np.mean(ring_radius(rings) / ring_radius(plant.geometry.rings.points))) - 1,
-        "volume": plant.volume() / volume - 1,
+        "radius": float(np.mean(ring_radius(rings) / ring_radius(plant.core.geometry.rings.points))) - 1,
+        "volume": plant.core.volume() / volume - 1,
         "cord": seen.stretch.mean() - 1,
     }
 
 
 def contraction(groups, level, duration=DURATION, scene=None):
     """A plant under one group at one level, with its measures every `PIECE` seconds; stops where the arm does."""
-    plant = AssemblyPlant(scene=scene)
-    volume, activation = plant.volume(), Activation(templates=(Plateau(groups=groups, level=level, rise=RISE),))
+    plant = make_plant("assembly", scene=scene)
+    volume, activation = plant.core.volume(), Activation(templates=(Plateau(groups=groups, level=level, rise=RISE),))
     history = [{"time": 0.0} | measured(plant, volume)]
     try:
         while plant.time < duration - 1e-9:
@@ -99,11 +99,11 @@ def picture(runs, path):
     import matplotlib.pyplot as plt
     from matplotlib.collections import LineCollection
 
-    shown = [("rest", "", 0.3, AssemblyPlant(), None), *(run for run in runs if run[2] == 0.3)]
+    shown = [("rest", "", 0.3, make_plant("assembly"), None), *(run for run in runs if run[2] == 0.3)]
     figure = plt.figure(figsize=(11, 7.5), layout="constrained")
     above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1))
     for axes, (name, label, level, plant, _) in zip(above.subplots(1, len(shown), sharey=True), shown, strict=True):
-        straight, oblique, rings = (nodes * 1e3 for nodes in plant.nodes())
+        straight, oblique, rings = (nodes * 1e3 for nodes in plant.core.nodes())
         axes.add_collection(LineCollection(rings[::2][:, [*range(rings.shape[1]), 0]][..., [0, 1]], colors="0.75", linewidths=0.4))
         for helix, colour in ((oblique[0], "tab:green"), (oblique[4], "tab:purple")):
             axes.plot(helix[:, 0], helix[:, 1], color=colour, linewidth=0.7)
@@ -136,17 +136,19 @@ def buckling():
         (0.3, 1e-3, 0.05),
         (0.3, 1e-3, 0.15),
     ):
-        plant = AssemblyPlant()
-        plant.rods.straight(R.V1, nodes=True)[:] += push * 1e-3 * np.linspace(0, 1, plant.elements + 1) ** 2
+        plant = make_plant("assembly")
+        plant.core.rods.straight(R.V1, nodes=True)[:] += push * 1e-3 * np.linspace(0, 1, plant.elements + 1) ** 2
         templates = (Plateau(groups=("TM",), level=level, rise=RISE), Plateau(groups=LONGITUDINAL_GROUPS, level=stiffen, rise=RISE))
-        rest, cells = ring_radius(plant.nodes()[2]), []
+        rest, cells = ring_radius(plant.core.nodes()[2]), []
         try:
             for time in times:
                 plant.advance(Activation(templates=templates[: 1 + bool(stiffen)]), round(time - plant.time, 6))
                 seen = plant.observe()
                 aside = np.hypot(seen.points[-1, 0], seen.points[-1, 2]) * 1e3
-                narrowest = (ring_radius(plant.nodes()[2]) / rest).min()
-                cells.append(f"{aside:8.1e} {seen.stretch.mean() - 1:+6.1%} {narrowest:4.2f} {plant.pressure()[:, 170].mean() / 1e3:4.2f}")
+                narrowest = (ring_radius(plant.core.nodes()[2]) / rest).min()
+                cells.append(
+                    f"{aside:8.1e} {seen.stretch.mean() - 1:+6.1%} {narrowest:4.2f} {plant.core.pressure()[:, 170].mean() / 1e3:4.2f}"
+                )
         except PlantUnstableError as error:
             cells.append(str(error))
         print(f"{level:5.2f} {push:10.0e} {stiffen:5.2f}", *cells, flush=True)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from octoctrl.sim.assembly.plant import AssemblyPlant
 from octoctrl.sim.body.squid import SquidTentacle
+from octoctrl.sim.plants import make_plant
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.sources import Strike
 
@@ -36,7 +36,7 @@ RUNS = {
 
 def strike(**settings):
     """Length with the club (m), speed (m/s) and acceleration over a millisecond (m/s^2) every 0.1 ms, and the processor time (s)."""
-    plant = AssemblyPlant(TENTACLE, AIR, sample_interval=SAMPLE, record_every=1, **settings)
+    plant = make_plant("assembly", TENTACLE, AIR, sample_interval=SAMPLE, record_every=1, **settings)
     plant.advance(Strike(), SAMPLE)
     plant.reset()
     begin = time.process_time()
@@ -54,15 +54,14 @@ def measures(length, speed, acceleration):
 
 def glance():
     """Shortening of the rings (%) from 34.0 to 34.4 ms, after a common beginning, by numerics and step."""
-    start = AssemblyPlant(TENTACLE, AIR, sample_interval=SAMPLE, resting_tone=0.0)
+    start = make_plant("assembly", TENTACLE, AIR, sample_interval=SAMPLE, resting_tone=0.0)
     start.advance(Strike(), 0.034)
     for published, step in ((False, 1e-5), (False, 2.5e-6), (True, 1.25e-6), (True, 3e-7), (True, 1e-7), (True, 2e-8), (True, 1e-8)):
-        plant = AssemblyPlant(TENTACLE, AIR, sample_interval=SAMPLE, resting_tone=0.0, paper_compatible=published, dt=step)
-        plant.rods.restore(start.rods.state())
-        plant.samples = start.samples
-        before = plant.muscle_lengths()[2].mean()
+        plant = make_plant("assembly", TENTACLE, AIR, sample_interval=SAMPLE, resting_tone=0.0, paper_compatible=published, dt=step)
+        plant.restore(start.state())
+        before = plant.core.muscle_lengths()[2].mean()
         plant.advance(Strike(), 4e-4)
-        yield published, step, 100 * (1 - plant.muscle_lengths()[2].mean() / before)
+        yield published, step, 100 * (1 - plant.core.muscle_lengths()[2].mean() / before)
 
 
 def draw(strikes, path):

@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.assembly.plant import AssemblyPlant
 from octoctrl.sim.body.anatomy import Anatomy
 from octoctrl.sim.body.arm import Arm, oblique_angle
 from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import PlantUnstableError
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import Plant, make_plant
 from octoctrl.sim.topology.measures import twist, writhe
 
 HELIX_NODES = {2: 0.0, 4: 70.0}
@@ -62,7 +61,7 @@ def full_arm(taper, helix_nodes):
         arm = WoundArm(taper=taper, helix_nodes=helix_nodes, oblique_pitch=pitch(taper, angle))
         mean = np.degrees(np.arctan(tau * arm.section(np.linspace(0, arm.length, 200)).oblique_offset / arm.oblique_pitch)).mean()
         try:
-            yield angle, mean, *hold(AssemblyPlant(arm, dt=5e-5))
+            yield angle, mean, *hold(make_plant("assembly", arm, dt=5e-5))
         except PlantUnstableError as error:
             print(f"  {angle:.1f} degrees: {error}")
             yield angle, mean, *4 * (np.nan,)

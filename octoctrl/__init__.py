@@ -41,8 +41,7 @@ if TYPE_CHECKING:
     from octoctrl.sim.activation import Activation, Plateau, Wave
     from octoctrl.sim.body.arm import Arm
     from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-    from octoctrl.sim.plants import make_plant
-    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.plants import Plant, make_plant
     from octoctrl.sim.running.batch import simulate_batch
     from octoctrl.sim.scene.scene import Scene, Water
     from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
@@ -68,13 +67,12 @@ _HOMES = {
     "octoctrl.sim.body.arm": ("Arm",),
     "octoctrl.sim.running.batch": ("simulate_batch",),
     "octoctrl.sim.errors": ("OctoctrlError", "PlantUnstableError"),
-    "octoctrl.sim.rod.plant": ("Plant",),
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
     "octoctrl.sim.topology.trace": ("TopologyConvention", "TopologyTrace"),
     "octoctrl.judging.comparison": ("compare",),
     "octoctrl.carrying.execution": ("execute",),
     "octoctrl.carrying.planning": ("plan",),
-    "octoctrl.sim.plants": ("make_plant",),
+    "octoctrl.sim.plants": ("Plant", "make_plant"),
     "octoctrl.pictures.plots": ("plot",),
     "octoctrl.pictures.report": ("report",),
     "octoctrl.carrying.results": ("Execution", "Verdict"),

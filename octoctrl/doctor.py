@@ -112,7 +112,7 @@ def _solver():
 
 def _plant():
     from octoctrl.sim.activation import Activation, Plateau
-    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.plants import Plant
 
     plant = Plant()
     plant.advance(Activation(templates=(Plateau(groups=("LM1",), level=0.3),)), 0.1)
@@ -140,7 +140,7 @@ def needs(configuration):
     task, name = configuration.task, configuration.run.plant
     activation, duration = _guess(task)
     plant = make_plant(name, configuration.arm, configuration.scene)
-    rows = [("plant", f"{name}: {PLANTS[name]}", "needed"), *_features(plant, activation.groups)]
+    rows = [("plant", f"{name}: {PLANTS[name].text}", "needed"), *_features(plant, activation.groups)]
     rows += [("step", step_text(plant), ""), ("run time", _run_time(plant, activation, duration), "")]
     return Findings(title=f"Task '{task.name}'", rows=tuple(rows))
 
@@ -192,7 +192,7 @@ def step_text(plant):
     -------
     str
     """
-    from octoctrl.sim.rod.plant import LARGEST_STEP
+    from octoctrl.sim.rod.core import LARGEST_STEP
     from octoctrl.sim.running.clock import SAFETY
 
     limit, share = plant.limit, plant.h / plant.limit.step

@@ -12,6 +12,7 @@ import pickle
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from types import CellType, CodeType
 from typing import Any
 
@@ -20,6 +21,9 @@ import numpy as np
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 _log = logging.getLogger(__name__)
+
+BUILDING = Lock()
+"""Held while compiled code is put together, so that plants in several threads share it."""
 
 
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:

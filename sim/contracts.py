@@ -1,16 +1,163 @@
 """What the parts of the physical world ask of each other: protocols that an object of one's own may fulfil."""
 
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .findings import Finding, Stop
+
+if TYPE_CHECKING:
+    from .body.arm import Arm
+    from .running.clock import Clock, StepLimit
+    from .running.observation import Observation
+    from .running.recording import Recording
+    from .scene.scene import Scene
+
 Floats = NDArray[np.float64]
+State = Mapping[str, Floats]
+"""Arrays by name."""
 
 
 class ActivationSource(Protocol):
     """What moves a plant: an `octoctrl.sim.activation.Activation` or any object with this method."""
 
     def levels(self, times: Floats, edges: Floats) -> Floats:
-        """Levels (T, 11, n) at `times` (T,), s, in the n cells between `edges` (n + 1,), m; asked once for each partition."""
+        """Levels (T, groups, n) at `times` (T,), s, in the n cells between `edges` (n + 1,), m; asked once for each partition."""
+        ...
+
+
+class Motion(NamedTuple):
+    """What a core leaves behind of some samples, T of them done, n elements.
+
+    Attributes
+    ----------
+    points : (T, n + 1, 3) float64, m
+    frames : (T, n, 3, 3) float64
+    stretch : (T, n) float64
+    finding : Finding
+        `Finding.FINE` if all samples were done; else what ended the sample after the last.
+    rod : str
+    element : int
+        Where.
+    """
+
+    points: Floats
+    frames: Floats
+    stretch: Floats
+    finding: Finding = Finding.FINE
+    rod: str = "arm"
+    element: int = 0
+
+
+class Core(Protocol):
+    """The compiled part of a plant: what moves, at the step of a clock. `octoctrl.sim.running.plant.Plant` makes a plant of it.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model with its numerics, as written into saved states.
+    arm : Arm
+    scene : Scene
+    partitions : mapping of str to (n + 1,) float64, m
+        Edges of the cells in which levels are read; ``"arm"``, whose cells are the elements of the axis, comes first.
+    limit : StepLimit
+    usual : float, s
+        Step that ``dt="auto"`` takes at most.
+    finer : tuple of int
+        Parts of the step at which ``dt="auto"`` tries a sample again before it stops; empty for never.
+    period : float, s
+        Usual time between corrections by feedback.
+    """
+
+    model: str
+    arm: "Arm"
+    scene: "Scene"
+    partitions: State
+    limit: "StepLimit"
+    usual: float
+    finer: tuple[int, ...]
+    period: float
+
+    def start(self, clock: "Clock") -> None:
+        """Set all that depends on the step."""
+        ...
+
+    def rest(self) -> None:
+        """Put the arm to rest."""
+        ...
+
+    def shape(self) -> tuple[Floats, Floats, Floats]:
+        """Points (n + 1, 3), m, frames (n, 3, 3) and stretch (n,) of the axis now."""
+        ...
+
+    def speeds(self) -> tuple[Floats, Floats]:
+        """Velocities of the points (n + 1, 3), m/s, and spins of the elements about their directors (n, 3), rad/s."""
+        ...
+
+    def move(self, first: int, levels: State, clock: "Clock") -> Motion:
+        """Go on from sample `first` to the end of `levels` (T + 1, groups, cells), by partition; may end early with a finding."""
+        ...
+
+    def explain(self, before: State, first: int, levels: State, motion: Motion, clock: "Clock") -> Stop:
+        """Why `motion` ended early, which began at sample `first` in the state `before`; the state afterwards does not matter."""
+        ...
+
+    def state(self) -> State:
+        """Copies of the arrays that hold the whole motion."""
+        ...
+
+    def restore(self, state: State) -> None:
+        """Go back to a `state`."""
+        ...
+
+    def identity(self) -> dict[str, Any]:
+        """What a saved state must share with the core that goes on from it, beside arm, water and step."""
+        ...
+
+
+class PlantLike(Protocol):
+    """What a run, a batch or an environment asks of a plant."""
+
+    @property
+    def model(self) -> str:
+        """Name of the model with its numerics."""
+        ...
+
+    @property
+    def arm(self) -> "Arm":
+        """The arm."""
+        ...
+
+    @property
+    def scene(self) -> "Scene":
+        """What is around it."""
+        ...
+
+    @property
+    def clock(self) -> "Clock":
+        """How time is divided."""
+        ...
+
+    @property
+    def limit(self) -> "StepLimit":
+        """Predicted largest stable step."""
+        ...
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        ...
+
+    def reset(self) -> "Observation":
+        """Put the arm to rest at time zero."""
+        ...
+
+    def observe(self) -> "Observation":
+        """What can be seen now."""
+        ...
+
+    def advance(self, source: ActivationSource, duration: float, *, progress: Callable[[float], None] | None = None) -> "Recording":
+        """Move on by `duration` (s), recorded."""
         ...

@@ -4,7 +4,10 @@ import difflib
 import math
 import numbers
 from collections.abc import Collection, Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .findings import Stop
 
 
 class OctoctrlError(ValueError):
@@ -26,15 +29,41 @@ class PlantUnstableError(RuntimeError):
         What is wrong with it, as a predicate: "is stretched beyond ...".
     recording : Recording or None
         What was recorded up to the last good state.
+    stop : octoctrl.sim.findings.Stop or None
+        All that as one object, with the finding and whether the step was unstable.
     """
 
-    def __init__(self, message: str, *, time: float, element: int, mechanism: str, rod: str = "arm", recording: Any = None) -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        time: float,
+        element: int,
+        mechanism: str,
+        rod: str = "arm",
+        recording: Any = None,
+        stop: "Stop | None" = None,
+    ) -> None:
         super().__init__(message)
         self.time = time
         self.rod = rod
         self.element = element
         self.mechanism = mechanism
         self.recording = recording
+        self.stop = stop
+
+    @classmethod
+    def of(cls, stop: "Stop", message: str, recording: Any = None) -> "PlantUnstableError":
+        """The error that says `message` of a `stop`."""
+        return cls(message, time=stop.time, element=stop.element, mechanism=stop.mechanism, rod=stop.rod, recording=recording, stop=stop)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # An exception is made anew from its message alone; a pool of processes sends it to the caller whole.
+        return _unstable, (str(self), vars(self))
+
+
+def _unstable(message: str, content: dict[str, Any]) -> PlantUnstableError:
+    return PlantUnstableError(message, **content)
 
 
 class OctoctrlWarning(UserWarning):

@@ -1,30 +1,142 @@
-"""The plants by name: what a plan can be carried out on."""
+"""The plants by name: one row each, and all that the rest of the package knows of a plant by its name.
 
+A row names what the plant is and how its core is made. One of your own is entered with `register` and is then as good as the others, in
+the library, in task files and on the command line; see docs/plants.md.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from time import perf_counter
+from typing import Any, Literal, Protocol
 
-from .errors import check_choice
-
-PLANTS = {
-    "rod": "one Cosserat rod of the arm's outline",
-    "assembly": "the full arm of 197 rods",
-    "assembly-coarse": "the full arm of 197 rods with coarse rings, in a third of the time",
-}
-"""Name of each plant, and what it is."""
-
-MODELLED_AS = {"rod": "rod", "assembly": "assembly", "assembly-coarse": "assembly"}
-"""For which plant the reduced model of each is identified."""
-
-_FIRST_TIME = {"rod": "some seconds", "assembly": "about a minute", "assembly-coarse": "about a minute"}
+from .body.arm import Arm
+from .contracts import Core
+from .errors import OctoctrlError, check_choice
+from .running import plant as running
+from .running.clock import RECORD, SAMPLE, Clock
+from .scene.scene import Scene
 
 COARSE_RING = 8
 
 
-def check_plant(name):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantRow:
+    """What there is to know of a plant by its name.
+
+    Attributes
+    ----------
+    name : str
+    text : str
+        What it is, as a line of a list.
+    core : callable
+        ``core(arm, scene, **options)`` -> `octoctrl.sim.contracts.Core`.
+    modelled_as : str
+        Name of the plant for which its reduced model is identified.
+    first_time : str
+        How long it takes to compile, as a part of a sentence.
+    lumped : str
+        What of the arm it leaves out, empty if nothing.
+    law_of_each : bool
+        Whether a muscle group that is at rest is left out of the computation.
+    compiled : str
+        Function whose compiled loop is kept on disk, as ``module:name``; empty if there is none.
+    """
+
+    name: str
+    text: str
+    core: Callable[..., Core]
+    modelled_as: str
+    first_time: str = "some seconds"
+    lumped: str = ""
+    law_of_each: bool = False
+    compiled: str = ""
+
+
+def _rod(arm: Arm, scene: Scene, **options: Any) -> Core:
+    from .rod.core import RodCore
+
+    return RodCore(arm, scene, **options)
+
+
+def _assembly(arm: Arm, scene: Scene, **options: Any) -> Core:
+    from .assembly.core import AssemblyCore
+
+    return AssemblyCore(arm, scene, **options)
+
+
+def _coarse(arm: Arm, scene: Scene, **options: Any) -> Core:
+    return _assembly(arm, scene, **{"ring_nodes": COARSE_RING} | options)
+
+
+PLANTS: dict[str, PlantRow] = {
+    row.name: row
+    for row in (
+        PlantRow(
+            name="rod",
+            text="one Cosserat rod of the arm's outline",
+            core=_rod,
+            modelled_as="rod",
+            lumped="rings, helices, cord",
+            law_of_each=True,
+            compiled="octoctrl.sim.rod.stepping:muscular_stepper",
+        ),
+        PlantRow(
+            name="assembly",
+            text="the full arm of 197 rods",
+            core=_assembly,
+            modelled_as="assembly",
+            first_time="about a minute",
+            compiled="octoctrl.sim.assembly.stepping:assembly_stepper",
+        ),
+        PlantRow(
+            name="assembly-coarse",
+            text="the full arm of 197 rods with coarse rings, in a third of the time",
+            core=_coarse,
+            modelled_as="assembly",
+            first_time="about a minute",
+            compiled="octoctrl.sim.assembly.stepping:assembly_stepper",
+        ),
+    )
+}
+"""Each plant by its name."""
+
+
+def register(row: PlantRow) -> PlantRow:
+    """Enter a plant of one's own into the table.
+
+    Parameters
+    ----------
+    row : PlantRow
+
+    Returns
+    -------
+    PlantRow
+        The same.
+
+    Raises
+    ------
+    OctoctrlError
+        If the name is taken, or it is modelled as a plant that is not there.
+    """
+    if PLANTS.get(row.name, row) is not row:
+        raise OctoctrlError(f"a plant called '{row.name}' is there already; choose another name")
+    if row.modelled_as != row.name:
+        check_choice("plant", row.modelled_as, tuple(PLANTS))
+    PLANTS[row.name] = row
+    return row
+
+
+def check_plant(name: object) -> PlantRow:
     """Check the name of a plant.
 
     Parameters
     ----------
     name : str
+
+    Returns
+    -------
+    PlantRow
+        Its row.
 
     Raises
     ------
@@ -32,21 +144,68 @@ def check_plant(name):
         If it is unknown; the message suggests the nearest.
     """
     check_choice("plant", name, tuple(PLANTS))
+    return PLANTS[str(name)]
 
 
-def make_plant(name="rod", arm=None, scene=None, **options):
+class Plant(running.Plant):
+    """A simulated arm by the name of its model: `octoctrl.sim.running.plant.Plant` with the core and the clock that belong to it.
+
+    Parameters
+    ----------
+    arm : Arm, optional
+        The octopus arm if omitted.
+    scene : Scene, optional
+    model : str
+        A name in `PLANTS`: ``"rod"``, one Cosserat rod of the arm's outline; ``"assembly"``, the full arm of 197 rods, which takes some 500
+        times as long; ``"assembly-coarse"``, that with rings of `COARSE_RING` nodes.
+    dt : float or "auto", s
+        Largest time step; the step in use divides `sample_interval`. ``"auto"`` takes the usual share of the predicted stability limit.
+    sample_interval : float, s
+        How often activation is sampled (linear in between) and the motion is checked.
+    record_every : int
+        Record every so many samples.
+    gains : mapping of str to float, optional
+        Factors in [0, 1] on the levels of muscle groups, 0 for a dead one.
+    **options
+        Of the core: ``rings``, ``ring_nodes``, ``resting_tone`` and ``paper_compatible`` of the full arm, see
+        `octoctrl.sim.assembly.core.AssemblyCore`.
+
+    Raises
+    ------
+    OctoctrlError
+        If the name is unknown or an argument is out of range.
+    """
+
+    def __init__(
+        self,
+        arm: Arm | None = None,
+        scene: Scene | None = None,
+        model: str = "rod",
+        *,
+        dt: float | Literal["auto"] = "auto",
+        sample_interval: float = SAMPLE,
+        record_every: int = RECORD,
+        gains: Mapping[str, float] | None = None,
+        **options: Any,
+    ) -> None:
+        make = check_plant(model).core
+        core = make(Arm.octopus() if arm is None else arm, Scene() if scene is None else scene, **options)
+        clock = Clock.choose(core.limit, core.usual, dt=dt, sample_interval=sample_interval, record_every=record_every)
+        super().__init__(core, clock, gains=gains, automatic=dt == "auto")
+
+
+def make_plant(name: str = "rod", arm: Arm | None = None, scene: Scene | None = None, **options: Any) -> Plant:
     """Make a plant by name.
 
     Parameters
     ----------
     name : {"rod", "assembly", "assembly-coarse"}
-        One Cosserat rod of the arm's outline (`octoctrl.sim.rod.plant.Plant`); the full arm of 197 rods
-        (`octoctrl.sim.assembly.plant.AssemblyPlant`), which takes some 500 times as long; or that with rings of `COARSE_RING` nodes.
+        Or one that was entered with `register`.
     arm : Arm, optional
         The octopus arm if omitted.
     scene : Scene, optional
     **options
-        As the class takes them, such as ``dt`` and ``record_every``.
+        As `Plant` takes them, such as ``dt`` and ``record_every``.
 
     Returns
     -------
@@ -57,19 +216,18 @@ def make_plant(name="rod", arm=None, scene=None, **options):
     OctoctrlError
         If the name is unknown or an argument is out of range.
     """
-    check_plant(name)
-    if name == "rod":
-        from .rod.plant import Plant
-
-        return Plant(arm, scene, **options)
-    from .assembly.plant import AssemblyPlant
-
-    if name == "assembly-coarse":
-        options = {"ring_nodes": COARSE_RING} | options
-    return AssemblyPlant(arm, scene, **options)
+    return Plant(arm, scene, name, **options)
 
 
-def warmup(name="rod", progress=None):
+class _Shown(Protocol):
+    """Where the user can see what takes its time, such as `octoctrl.progress.Progress`."""
+
+    def start(self, text: str) -> None: ...
+
+    def stop(self) -> None: ...
+
+
+def warmup(name: str = "rod", progress: _Shown | None = None) -> float:
     """Compile a plant, or load it from the cache on disk.
 
     Parameters
@@ -86,9 +244,9 @@ def warmup(name="rod", progress=None):
     from .activation import Activation
 
     begin = perf_counter()
-    check_plant(name)
+    row = check_plant(name)
     if progress is not None:
-        progress.start(f"preparing the plant '{name}' (the first time {_FIRST_TIME[name]})")
+        progress.start(f"preparing the plant '{name}' (the first time {row.first_time})")
     try:
         plant = make_plant(name)
         plant.advance(Activation(), plant.sample_interval)

@@ -5,9 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, LumpedSection, azimuth, material_direction, oblique_angle
+from octoctrl.sim.body.arm import (
+    LONGITUDINAL_GROUPS,
+    MUSCLE_GROUPS,
+    REST_FRAME,
+    Arm,
+    LumpedSection,
+    azimuth,
+    material_direction,
+    oblique_angle,
+)
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.rod.plant import REST_FRAME
 
 ARM = Arm.octopus()
 

@@ -5,12 +5,13 @@ import pytest
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.geometry import assembly_geometry
 from octoctrl.sim.assembly.layout import STATE_ROWS, SpokeRow
 from octoctrl.sim.assembly.layout import AssemblyRow as R
-from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.plants import make_plant
 from octoctrl.sim.topology.measures import twist
 
 ARM = Arm.octopus()
@@ -124,29 +125,29 @@ def programme():
 
 @pytest.fixture(scope="module")
 def shaken():
-    plant = AssemblyPlant()
+    plant = make_plant("assembly")
     generator = np.random.default_rng(5)
-    rods = plant.rods
+    rods = plant.core.rods
     for view, size in ((rods.straight, 2e-4), (rods.oblique, 2e-5), (rods.ring, 2e-5)):
         for row in (R.X1, R.X2, R.X3):
             nodes = view(row) if view == rods.ring else view(row, nodes=True)
             nodes += size * generator.standard_normal(nodes.shape)
         for row in (R.W1, R.W2, R.W3):
             view(row)[:] = 2e3 * generator.standard_normal(view(row).shape)
-    _, parts = _compiled(plant.grid, plant.geometry.inclination)
+    _, parts = compiled(plant.core.grid, plant.core.geometry.inclination)
     parts["move"](rods.flat, 2e-5)
     for row in (R.W1, R.W2, R.W3):
         for view in (rods.straight, rods.oblique, rods.ring):
             view(row)[:] = 0.0
-    parts["measure"](rods.flat, 0.5, plant.h, plant._laws)
+    parts["measure"](rods.flat, 0.5, plant.h, plant.core._laws)
     return plant, parts, rods.flat.copy()
 
 
 @pytest.fixture
 def state(shaken):
     plant, parts, flat = shaken
-    plant.rods.flat[:] = flat
-    return plant.rods, parts
+    plant.core.rods.flat[:] = flat
+    return plant.core.rods, parts
 
 
 def vectors(view, first):
@@ -353,28 +354,28 @@ def test_axial_systems_are_solved(state):
 
 
 def test_rest_is_rest():
-    plant = AssemblyPlant(resting_tone=0.0)
+    plant = make_plant("assembly", resting_tone=0.0)
     recording = plant.advance(Activation(), 0.02)
     assert np.abs(recording.points[-1] - recording.points[0]).max() < 1e-9
-    assert np.isfinite(plant.rods.open_rods[:STATE_ROWS]).all() and np.isfinite(plant.rods.rings[:STATE_ROWS]).all()
+    assert np.isfinite(plant.core.rods.open_rods[:STATE_ROWS]).all() and np.isfinite(plant.core.rods.rings[:STATE_ROWS]).all()
 
 
 def test_motion_is_that_of_an_independent_implementation():
-    plant = AssemblyPlant()
-    volume = plant.volume()
+    plant = make_plant("assembly")
+    volume = plant.core.volume()
     recording = plant.advance(programme(), 0.1)
     # Converged: 196.333 mm (of 200) and -0.06366 turns.
     assert recording.length[-1] == pytest.approx(0.196333, abs=0.01 * (0.2 - 0.196333))
     assert twist(recording.points[-1], -recording.frames[-1, 1:-1, 1]) == pytest.approx(-0.06366, rel=0.01)
-    assert plant.volume() == pytest.approx(volume, rel=0.1)
+    assert plant.core.volume() == pytest.approx(volume, rel=0.1)
     # No chatter: the grid-scale part of the cord's velocity is far below its scale.
-    velocity = np.stack([plant.rods.straight(R.V1 + i, nodes=True)[0] for i in range(3)])
+    velocity = np.stack([plant.core.rods.straight(R.V1 + i, nodes=True)[0] for i in range(3)])
     assert np.abs(np.diff(velocity, 2, axis=1)).mean() < 1e-3 * np.abs(velocity).max()
 
 
 @pytest.mark.slow
 def test_stored_twist_is_that_of_an_independent_implementation():
-    plant = AssemblyPlant()
+    plant = make_plant("assembly")
     for instant, length, turns in ((0.2, 194.337, -0.34444), (0.4, 194.020, -1.02835), (0.6, 193.265, -1.43478)):
         recording = plant.advance(programme(), round(instant - plant.time, 6))
         assert recording.length[-1] * 1e3 == pytest.approx(length, abs=0.01 * (200 - length))
@@ -383,7 +384,7 @@ def test_stored_twist_is_that_of_an_independent_implementation():
 
 @pytest.mark.slow
 def test_published_numerics_give_the_published_motion():
-    plant = AssemblyPlant(paper_compatible=True, sample_interval=2e-3)
+    plant = make_plant("assembly", paper_compatible=True, sample_interval=2e-3)
     for instant, length, turns in ((0.1, 194.85181, -0.10138), (0.2, 194.61658, -0.52262), (0.3, 195.1019, -0.8943)):
         recording = plant.advance(programme(), round(instant - plant.time, 6))
         assert recording.length[-1] * 1e3 == pytest.approx(length, abs=0.1)
@@ -391,16 +392,16 @@ def test_published_numerics_give_the_published_motion():
 
 
 def test_a_saved_state_continues_bit_by_bit(tmp_path):
-    plant, other = AssemblyPlant(), AssemblyPlant()
+    plant, other = make_plant("assembly"), make_plant("assembly")
     plant.advance(programme(), 0.01)
     plant.save(tmp_path / "state.npz")
     plant.advance(programme(), 0.01)
     other.load(tmp_path / "state.npz")
     other.advance(programme(), 0.01)
-    for mine, theirs in zip(plant.nodes(), other.nodes(), strict=True):
+    for mine, theirs in zip(plant.core.nodes(), other.core.nodes(), strict=True):
         np.testing.assert_array_equal(mine, theirs)
     with pytest.raises(OctoctrlError, match="steps=100"):
-        AssemblyPlant(dt=2e-5).load(tmp_path / "state.npz")
+        make_plant("assembly", dt=2e-5).load(tmp_path / "state.npz")
 
 
 def test_cord_brake_moves_momentum_from_the_cord_to_its_muscles(state):
@@ -418,29 +419,29 @@ def test_cord_brake_moves_momentum_from_the_cord_to_its_muscles(state):
 def test_a_crushed_arm_is_stopped_with_the_reason():
     everything = Activation(templates=(Plateau(groups=MUSCLE_GROUPS, level=1.0, rise=0.005),))
     with pytest.raises(PlantUnstableError, match=r"of ring \d+ moves .* ring \d+ is squeezed to \d+% of its radius") as caught:
-        AssemblyPlant().advance(everything, 0.4)
+        make_plant("assembly").advance(everything, 0.4)
     assert caught.value.time > 0.15 and np.isfinite(caught.value.recording.points).all()
 
 
 @pytest.mark.slow
 def test_full_longitudinal_activation_settles():
     """Without dissipation between cord and muscles the cord, buckled under its contracted muscles, flutters until it diverges at 0.7 s."""
-    plant = AssemblyPlant()
+    plant = make_plant("assembly")
     plant.advance(Activation(templates=(Plateau(groups=LONGITUDINAL_GROUPS, level=1.0, rise=0.5),)), 1.2)
-    assert 0.16 < plant.observe().stretch.sum() * plant.geometry.spacing < 0.17
+    assert 0.16 < plant.observe().stretch.sum() * plant.core.geometry.spacing < 0.17
 
 
 def test_guard_names_rod_and_element():
-    plant = AssemblyPlant()
-    plant.rods.oblique(R.V2, nodes=True)[6, 200] = 5000.0
+    plant = make_plant("assembly")
+    plant.core.rods.oblique(R.V2, nodes=True)[6, 200] = 5000.0
     with pytest.raises(PlantUnstableError, match=r"element \d+ of (R-OM helix 3|ring \d+)") as caught:
         plant.advance(Activation(), 0.01)
     assert caught.value.recording.complete is False and np.isfinite(plant.observe().points).all()
 
 
 def test_places_have_names():
-    plant = AssemblyPlant()
-    lanes = plant.grid.lanes
-    assert plant.place(0, 1) == ("nerve cord", 0) and plant.place(0, 3 * lanes + 180) == ("LM3", 179)
-    assert plant.place(0, 9 * lanes + 1) == ("L-OM helix 1", 0) and plant.place(0, 24 * lanes + 8) == ("R-OM helix 4", lanes + 7)
-    assert plant.place(1, lanes + 1) == ("ring 0", 0) and plant.place(1, 40 * lanes + 180) == ("ring 179", 39)
+    plant = make_plant("assembly")
+    lanes = plant.core.grid.lanes
+    assert plant.core.place(0, 1) == ("nerve cord", 0) and plant.core.place(0, 3 * lanes + 180) == ("LM3", 179)
+    assert plant.core.place(0, 9 * lanes + 1) == ("L-OM helix 1", 0) and plant.core.place(0, 24 * lanes + 8) == ("R-OM helix 4", lanes + 7)
+    assert plant.core.place(1, lanes + 1) == ("ring 0", 0) and plant.core.place(1, 40 * lanes + 180) == ("ring 179", 39)

@@ -5,12 +5,13 @@ import pytest
 
 from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.constants import ring_connections
+from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.family_kernels import ring_spin_brake
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow as S
-from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import PlantUnstableError
+from octoctrl.sim.plants import make_plant
 
 ARM = Arm.octopus()
 MUSCLES = range(1, 9)
@@ -41,8 +42,8 @@ def straight_elements(rods):
 @pytest.fixture(scope="module")
 def squeezed():
     """A bent arm of which each ring is drawn together on one side by up to a third of a millimetre, in random motion."""
-    plant = AssemblyPlant()
-    rods, generator = plant.rods, np.random.default_rng(11)
+    plant = make_plant("assembly")
+    rods, generator = plant.core.rods, np.random.default_rng(11)
     for view, size in ((rods.straight, 1e-4), (rods.oblique, 2e-5), (rods.ring, 2e-5)):
         nodes = {} if view == rods.ring else {"nodes": True}
         for row in (R.X1, R.X2, R.X3):
@@ -55,26 +56,26 @@ def squeezed():
     inward *= (3e-4 * generator.random(inward.shape[:2]) / np.linalg.norm(inward, axis=2))[..., None]
     for i in range(3):
         rods.ring(R.X1 + i)[:] += inward[..., i]
-    _, parts = _compiled(plant.grid, plant.geometry.inclination)
+    _, parts = compiled(plant.core.grid, plant.core.geometry.inclination)
     for row in (R.LEVEL_BEFORE, R.LEVEL_AFTER):
         rods.open_rods[row] = rods.rings[row] = 0.2
     parts["move"](rods.flat, 2e-5)
-    parts["measure"](rods.flat, 0.5, plant.h, plant._laws)
+    parts["measure"](rods.flat, 0.5, plant.h, plant.core._laws)
     return plant, parts, rods.flat.copy()
 
 
 @pytest.fixture
 def state(squeezed):
     plant, parts, flat = squeezed
-    plant.rods.flat[:] = flat
+    plant.core.rods.flat[:] = flat
     for name in RESULTS:
         for suffix in ("", "_N", "_C"):
-            plant.rods.spokes[S[name + suffix]] = 0.0
+            plant.core.rods.spokes[S[name + suffix]] = 0.0
     for name in ("F1_R", "F2_R", "F3_R", "T1_R", "T2_R", "T3_R", "F1_X", "F2_X", "F3_X"):
-        plant.rods.spokes[S[name]] = 0.0
+        plant.core.rods.spokes[S[name]] = 0.0
     for row in (R.F1, R.F2, R.F3, R.C1, R.C2, R.C3):
-        plant.rods.open_rods[row] = plant.rods.rings[row] = 0.0
-    return plant, plant.rods, parts
+        plant.core.rods.open_rods[row] = plant.core.rods.rings[row] = 0.0
+    return plant, plant.core.rods, parts
 
 
 def test_muscles_touch_the_ring_nodes_beside_their_spoke(state):
@@ -85,8 +86,8 @@ def test_muscles_touch_the_ring_nodes_beside_their_spoke(state):
     per_ring = nodes.shape[1]
     centre, _ = straight_elements(rods)
     radius = rods.straight(R.RADIUS)
-    stiff = ring_connections(ARM, plant.geometry).muscle_contact
-    masses = 1 / plant.geometry.rings.node_mass[:, 0] + 1 / plant.geometry.straight.element_mass[1]
+    stiff = ring_connections(ARM, plant.core.geometry).muscle_contact
+    masses = 1 / plant.core.geometry.rings.node_mass[:, 0] + 1 / plant.core.geometry.straight.element_mass[1]
     on_ring, on_muscle, total, touched = np.zeros_like(nodes), np.zeros((8, rods.grid.rings, 3)), np.zeros((8, rods.grid.rings)), 0
     for m in MUSCLES:
         for i in range(rods.grid.rings):
@@ -120,7 +121,7 @@ def test_squeeze_becomes_pressure_and_forces_are_shared_by_the_nodes(state):
             slots = rods.spokes[S[name + suffix], (2 + later) * lanes : (10 + later) * lanes].reshape(8, lanes)
             slots[:, 1 : rods.grid.rings + 1] = booked[name + suffix]
     before = of_family(rods.straight, R.N1)
-    tangent, length = of_family(rods.straight, R.T1), rods.straight(R.STRETCH) * plant.geometry.straight.length
+    tangent, length = of_family(rods.straight, R.T1), rods.straight(R.STRETCH) * plant.core.geometry.straight.length
     parts["scatter"](rods.flat, 0.0, 0.0)
 
     def summed(name):
@@ -143,7 +144,7 @@ def test_squeeze_becomes_pressure_and_forces_are_shared_by_the_nodes(state):
 
 def test_water_resists_the_muscles_and_not_the_cord(state):
     plant, rods, parts = state
-    normal, tangential = plant._drag[:2]
+    normal, tangential = plant.core._drag[:2]
     water = plant.scene.water
     parts["scatter"](rods.flat, normal, tangential)
     speed = of_family(rods.straight, R.V1, nodes=True)
@@ -261,7 +262,7 @@ def test_moment_left_over_by_ring_and_muscle_is_that_of_the_surface_gap(state):
     centre, _ = straight_elements(rods)
     nodes = np.swapaxes(of_family(rods.ring, R.X1)[:, :: per_ring // 8], 0, 1)
     reach = (thick + rods.straight(R.RADIUS)[1:])[..., None] * outward
-    spring = ring_connections(ARM, plant.geometry).muscle_spring[None, :, None] * (centre[1:] - nodes + reach)
+    spring = ring_connections(ARM, plant.core.geometry).muscle_spring[None, :, None] * (centre[1:] - nodes + reach)
     left = np.cross(reach, spring).sum(axis=(0, 1))
     np.testing.assert_allclose(moment, left, atol=1e-12 * scale)
     assert np.linalg.norm(left) > 1e-6
@@ -276,8 +277,8 @@ def test_moment_left_over_by_ring_and_helix_is_that_of_the_surface_gap(state):
     np.testing.assert_allclose(on_ring.sum(axis=(0, 1)) + on_helix.sum(axis=(0, 1)), 0, atol=1e-12 * scale)
     moment = np.cross(ring, on_ring).sum(axis=(0, 1)) + np.cross(helix, on_helix).sum(axis=(0, 1))
     every, left = np.arange(rods.grid.rings), np.zeros(3)
-    outward, spring = outward_of(ring), ring_connections(ARM, plant.geometry).oblique_spring[:, None]
-    for j, nodes in enumerate(plant.geometry.oblique_nodes):
+    outward, spring = outward_of(ring), ring_connections(ARM, plant.core.geometry).oblique_spring[:, None]
+    for j, nodes in enumerate(plant.core.geometry.oblique_nodes):
         met = helix[j, :: rods.grid.helix_nodes]
         thick = rods.ring(R.RADIUS)[every, nodes] + rods.oblique(R.RADIUS)[j, :: rods.grid.helix_nodes]
         reach = thick[:, None] * outward[every, nodes]
@@ -315,8 +316,8 @@ def test_contacts_beside_the_spokes_conserve_angular_momentum(state):
 def test_the_resting_tone_holds_an_arm_that_would_leave_its_rest():
     """Radii follow the stretch in the joints and nothing reacts on the rods' tension: without any tone the joints make energy."""
     with pytest.raises(PlantUnstableError):
-        AssemblyPlant(resting_tone=0.0).advance(Activation(), 0.3)
-    plant = AssemblyPlant()
+        make_plant("assembly", resting_tone=0.0).advance(Activation(), 0.3)
+    plant = make_plant("assembly")
     plant.advance(Activation(), 0.4)
-    speeds = [np.abs(view(R.V1 + i)).max() for view in (plant.rods.ring, plant.rods.oblique) for i in range(3)]
+    speeds = [np.abs(view(R.V1 + i)).max() for view in (plant.core.rods.ring, plant.core.rods.oblique) for i in range(3)]
     assert max(speeds) < 1e-3 and np.abs(plant.observe().points[:, ::2]).max() < 1e-7

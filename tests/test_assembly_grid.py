@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.assembly.buffer import fill_parameters, new_assembly, set_rest
+from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.geometry import assembly_geometry, octopus_grid
 from octoctrl.sim.assembly.layout import AssemblyRow as R
-from octoctrl.sim.assembly.plant import _compiled
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import OctoctrlError
@@ -54,7 +54,7 @@ def test_connections_of_twelve_muscles_rest_and_conserve_momentum():
     rods = new_assembly(geometry)
     set_rest(rods, geometry)
     fill_parameters(rods, TENTACLE, geometry, 1e-5, None)
-    _, parts = _compiled(TWELVE, geometry.inclination)
+    _, parts = compiled(TWELVE, geometry.inclination)
     # The current radius, as the strain kernel would leave it at rest.
     for family in (rods.open_rods, rods.rings):
         family[R.RADIUS] = family[R.REST_RADIUS]

@@ -5,13 +5,14 @@ import pytest
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.geometry import assembly_geometry, octopus_grid
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import CrossingRow
-from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.plants import make_plant
 from octoctrl.sim.topology.measures import twist
 
 ARM = Arm.octopus()
@@ -82,9 +83,9 @@ def test_coarse_rings_have_the_constants_of_the_published_ones():
 
 
 def test_helices_cross_coarse_rings_on_the_circle_and_hand_on_force_and_moment():
-    plant = AssemblyPlant(ring_nodes=8)
-    rods, geometry = plant.rods, plant.geometry
-    _, parts = _compiled(plant.grid, geometry.inclination)
+    plant = make_plant("assembly", ring_nodes=8)
+    rods, geometry = plant.core.rods, plant.core.geometry
+    _, parts = compiled(plant.core.grid, geometry.inclination)
     rods.open_rods[R.RADIUS], rods.rings[R.RADIUS] = rods.open_rods[R.REST_RADIUS], rods.rings[R.REST_RADIUS]
     parts["crossings"](rods.flat, rods.ring_index, rods.helix_index)
     assert max(np.abs(rods.crossing(CrossingRow[f"FH{i}"])).max() for i in (1, 2, 3)) < 1e-9
@@ -95,7 +96,7 @@ def test_helices_cross_coarse_rings_on_the_circle_and_hand_on_force_and_moment()
             nodes = view(row, **options)
             nodes += 1e-4 * generator.standard_normal(nodes.shape)
     parts["crossings"](rods.flat, rods.ring_index, rods.helix_index)
-    _, helices, rings = plant.nodes()
+    _, helices, rings = plant.core.nodes()
     on_helix = np.stack([rods.oblique(R.F1 + i, nodes=True) for i in range(3)], axis=-1)
     on_ring = np.stack([rods.ring(R.F1 + i) for i in range(3)], axis=-1)
     thick, fibre, constants = ARM.ring_radius, geometry.oblique.radius, ring_connections(ARM, geometry)
@@ -130,7 +131,7 @@ def test_helices_cross_coarse_rings_on_the_circle_and_hand_on_force_and_moment()
 def twisting(duration, **resolution):
     tone = Plateau(groups=(*LONGITUDINAL_GROUPS, "TM"), level=0.001, rise=0.01)
     pull = Plateau(groups=("R-OM",), level=0.3, window=(0.0, 0.2 * 357 / 360))
-    recording = AssemblyPlant(**resolution).advance(Activation(templates=(tone, pull)), duration)
+    recording = make_plant("assembly", **resolution).advance(Activation(templates=(tone, pull)), duration)
     return twist(recording.points[-1], -recording.frames[-1, 1:-1, 1]), recording.length[-1]
 
 
@@ -142,7 +143,7 @@ def test_a_coarse_arm_twists_like_the_published_one():
 
 
 def test_step_follows_the_thinnest_ring():
-    steps = [AssemblyPlant(**options).h for options in ({"ring_nodes": 8}, {}, {"rings": 360})]
+    steps = [make_plant("assembly", **options).h for options in ({"ring_nodes": 8}, {}, {"rings": 360})]
     assert steps[1] == 5e-5 and steps == sorted(steps, reverse=True) and len(set(steps)) == 3
 
 
@@ -157,7 +158,7 @@ def test_a_finer_arm_runs_at_its_automatic_step():
 @pytest.mark.parametrize("nodes", (8, 16, 24))
 @pytest.mark.parametrize("groups", (("R-OM",), ("L-OM",), ("LM1", "LM2", "LM8"), ("TM",), ("R-OM", "L-OM")), ids="+".join)
 def test_strong_programmes_run_at_the_automatic_step(nodes, groups):
-    plant = AssemblyPlant(ring_nodes=nodes)
+    plant = make_plant("assembly", ring_nodes=nodes)
     recording = plant.advance(Activation(templates=(Plateau(groups=groups, level=0.1 if groups == ("TM",) else 0.2, rise=0.05),)), 0.5)
     assert recording.complete
 
@@ -169,16 +170,16 @@ def test_strong_programmes_run_at_the_automatic_step(nodes, groups):
         ({"rings": "fine"}, "rings='fine': 180 rings of 40 nodes can only be made finer"),
         ({"ring_nodes": 12}, "ring_nodes=12: eight muscles need a multiple of 8, at most 40 with 180 rings"),
         ({"ring_nodes": 8, "paper_compatible": True}, "paper_compatible is the published arm with its own numbers"),
-        ({"ring_nodes": 8, "dt": 1e-4}, "dt=0.0001 s is outside 0…8.5e-05 s; use dt='auto'"),
+        ({"ring_nodes": 8, "dt": 1e-4}, "dt=0.0001 s exceeds the stability bound 8.5e-05 s (thin rings); use dt='auto'"),
     ],
 )
 def test_what_does_not_fit_is_refused(options, sentence):
     with pytest.raises(OctoctrlError) as caught:
-        AssemblyPlant(**options)
+        make_plant("assembly", **options)
     assert sentence in str(caught.value)
 
 
 def test_a_state_belongs_to_its_resolution(tmp_path):
-    AssemblyPlant(ring_nodes=8).save(tmp_path / "state.npz")
+    make_plant("assembly", ring_nodes=8).save(tmp_path / "state.npz")
     with pytest.raises(OctoctrlError, match="ring_nodes=8, this plant ring_nodes=16"):
-        AssemblyPlant(ring_nodes=16, dt=7.1e-5).load(tmp_path / "state.npz")
+        make_plant("assembly", ring_nodes=16, dt=7.1e-5).load(tmp_path / "state.npz")

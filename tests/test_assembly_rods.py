@@ -12,11 +12,12 @@ from scipy.spatial.transform import Rotation
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.buffer import set_filter_masks
 from octoctrl.sim.assembly.constants import stiffness
+from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.layout import AssemblyRow as R
-from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
 from octoctrl.sim.assembly.published_kernels import published_drag, published_strain, velocity_filters
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.physics.fibre_kernels import law_constants
+from octoctrl.sim.plants import make_plant
 
 ARM = Arm.octopus()
 LEVEL = 0.2
@@ -28,19 +29,19 @@ def vectors(view, row, **nodes):
 
 def family(plant, name):
     """View of the rows, geometry, whether closed, muscle laws per rod, of a family."""
-    rods, arm = plant.rods, plant.arm
+    rods, arm = plant.core.rods, plant.arm
     return {
-        "straight": (rods.straight, plant.geometry.straight, False, arm.longitudinal),
-        "oblique": (rods.oblique, plant.geometry.oblique, False, arm.oblique),
-        "rings": (rods.ring, plant.geometry.rings, True, arm.transverse),
+        "straight": (rods.straight, plant.core.geometry.straight, False, arm.longitudinal),
+        "oblique": (rods.oblique, plant.core.geometry.oblique, False, arm.oblique),
+        "rings": (rods.ring, plant.core.geometry.rings, True, arm.transverse),
     }[name]
 
 
 @pytest.fixture(scope="module")
 def moving():
     """An arm whose nodes and frames lie anywhere near rest, in random motion, with all muscles at one level."""
-    plant = AssemblyPlant()
-    rods, generator = plant.rods, np.random.default_rng(21)
+    plant = make_plant("assembly")
+    rods, generator = plant.core.rods, np.random.default_rng(21)
     for name, size in (("straight", 1e-4), ("oblique", 3e-5), ("rings", 3e-5)):
         view, _, closed, _ = family(plant, name)
         nodes = {} if closed else {"nodes": True}
@@ -49,7 +50,7 @@ def moving():
             view(R.V1 + i, **nodes)[:] = 1e-3 * generator.standard_normal(view(R.V1, **nodes).shape)
             view(R.W1 + i)[:] = 3e3 * generator.standard_normal(view(R.W1).shape)
         view(R.LEVEL_BEFORE)[:] = view(R.LEVEL_AFTER)[:] = LEVEL
-    _, parts = _compiled(plant.grid, plant.geometry.inclination)
+    _, parts = compiled(plant.core.grid, plant.core.geometry.inclination)
     parts["move"](rods.flat, 4e-5)
     return plant, parts, rods.flat.copy()
 
@@ -57,7 +58,7 @@ def moving():
 @pytest.fixture
 def state(moving):
     plant, parts, flat = moving
-    plant.rods.flat[:] = flat
+    plant.core.rods.flat[:] = flat
     return plant, parts
 
 
@@ -124,9 +125,9 @@ def internal_loads(plant, name, published):
 @pytest.mark.parametrize("name", ["straight", "oblique", "rings"])
 def test_internal_loads_are_those_of_the_equations(state, name, published):
     plant, parts = state
-    rods = plant.rods
+    rods = plant.core.rods
     wanted_force, wanted_torque = internal_loads(plant, name, published)
-    parts["measure"](rods.flat, 0.5, plant.h, plant._laws)
+    parts["measure"](rods.flat, 0.5, plant.h, plant.core._laws)
     view, _, closed, law = family(plant, name)
     if published:
         lanes = rods.grid.lanes
@@ -154,7 +155,7 @@ def test_internal_loads_are_those_of_the_equations(state, name, published):
 @pytest.mark.parametrize("row", [R.V1, R.W1], ids=["velocity", "spin"])
 def test_published_filter_takes_the_fifth_power_of_the_second_difference(state, name, row):
     plant, _ = state
-    rods = plant.rods
+    rods = plant.core.rods
     view, _, closed, _ = family(plant, name)
     nodes = {"nodes": True} if row == R.V1 and not closed else {}
     before = vectors(view, row, **nodes)
@@ -175,14 +176,14 @@ def test_published_filter_takes_the_fifth_power_of_the_second_difference(state, 
 
 def test_published_drag_acts_on_the_mean_velocity_of_elements(state):
     plant, parts = state
-    rods, rates = plant.rods, {"straight": 0.0, "oblique": 125.0, "rings": 250 / 12}
-    fill = AssemblyPlant(paper_compatible=True).rods
+    rods, rates = plant.core.rods, {"straight": 0.0, "oblique": 125.0, "rings": 250 / 12}
+    fill = make_plant("assembly", paper_compatible=True).core.rods
     # Its masses are read off the rotary inertia, which the default raises.
     rods.open_rods[[R.BEND_INERTIA, R.AREA]], rods.rings[[R.BEND_INERTIA, R.AREA]] = (
         fill.open_rods[[R.BEND_INERTIA, R.AREA]],
         fill.rings[[R.BEND_INERTIA, R.AREA]],
     )
-    parts["measure"](rods.flat, 0.5, plant.h, plant._laws)
+    parts["measure"](rods.flat, 0.5, plant.h, plant.core._laws)
     seam = (rods.ring(R.V1).shape[1] + 1) * rods.grid.lanes
     for row in (R.V1, R.V2, R.V3):
         rods.rings[row, seam : seam + rods.grid.lanes] = rods.rings[row, rods.grid.lanes : 2 * rods.grid.lanes]
@@ -222,14 +223,14 @@ def programme():
 
 
 def everything(plant):
-    return plant.rods.open_rods[:18].tobytes() + plant.rods.rings[:18].tobytes()
+    return plant.core.rods.open_rods[:18].tobytes() + plant.core.rods.rings[:18].tobytes()
 
 
 PRINT_BITS = """
 import hashlib
 from test_assembly_rods import everything, programme
-from octoctrl.sim.assembly.plant import AssemblyPlant
-plant = AssemblyPlant()
+from octoctrl.sim.plants import make_plant
+plant = make_plant("assembly")
 plant.advance(programme(), 0.02)
 print(hashlib.sha256(everything(plant)).hexdigest())
 """
@@ -244,9 +245,9 @@ def test_same_bits_with_one_and_two_threads_of_numba():
 
 
 def test_plants_in_two_threads_do_not_disturb_each_other():
-    alone = AssemblyPlant()
+    alone = make_plant("assembly")
     alone.advance(programme(), 0.03)
-    plants = [AssemblyPlant(), AssemblyPlant()]
+    plants = [make_plant("assembly"), make_plant("assembly")]
     workers = [threading.Thread(target=lambda plant=plant: [plant.advance(programme(), 0.005) for _ in range(6)]) for plant in plants]
     for worker in workers:
         worker.start()
@@ -261,7 +262,7 @@ def test_plants_in_two_threads_do_not_disturb_each_other():
     ids=["default", "published"],
 )
 def test_state_saved_in_the_middle_of_a_programme_goes_on_bit_by_bit(tmp_path, options):
-    plant, other = AssemblyPlant(**options), AssemblyPlant(**options)
+    plant, other = make_plant("assembly", **options), make_plant("assembly", **options)
     plant.advance(programme(), 0.016)
     plant.save(tmp_path / "state.npz")
     plant.advance(programme(), 0.008)

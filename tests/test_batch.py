@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import Plant
 from octoctrl.sim.running.batch import simulate_batch
 from octoctrl.sim.scene.scene import Scene
 

@@ -15,7 +15,7 @@ from octoctrl.cli.application import main
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import Plant
 from octoctrl.tables import Table, fastest
 
 BEND = Activation(templates=(Plateau(groups=("LM1",), level=0.1, rise=0.1),))

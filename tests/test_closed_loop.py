@@ -17,7 +17,7 @@ from octoctrl.planners.solving import trajectory
 from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import Plant
 from octoctrl.sim.scene.scene import Scene
 
 
@@ -411,8 +411,8 @@ class Exploding(Plant):
 
     def advance(self, activation, duration, *, progress=None):
         if self.time > 0.149:
-            self.rows[6:9, self.elements] += 1e6
-            self.rows[0:3, self.elements + 1] += 1.0
+            self.core.rows[6:9, self.elements] += 1e6
+            self.core.rows[0:3, self.elements + 1] += 1.0
         return super().advance(activation, duration, progress=progress)
 
 

@@ -10,8 +10,9 @@ from octoctrl import doctor as diagnosis
 from octoctrl import tasks
 from octoctrl.cli.application import main
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import Plant
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.sources import sampled
 
 
 def marks(findings):
@@ -44,7 +45,9 @@ def test_groups_at_rest_are_those_that_the_plant_leaves_out():
     configuration = tasks.load("coil")
     activation, duration = diagnosis._guess(configuration.task)
     plant = Plant(configuration.arm, configuration.scene)
-    pulled = plant._active(plant._levels(activation, round(duration / plant.sample_interval))).any(axis=0)
+    pulled = plant.core._active(
+        sampled(activation, plant.clock.instants(0, plant.clock.samples(duration)), plant.core.partitions, plant.arm.layout)["arm"]
+    ).any(axis=0)
     told = marks(diagnosis.needs(configuration))["muscles at rest"][1].partition(":")[0].split(", ")
     assert told == [group for group, active in zip(diagnosis.MUSCLE_GROUPS, pulled, strict=True) if not active]
 

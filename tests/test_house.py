@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = {"octoctrl": "octoctrl", "octoctrl.sim": "sim", "octoctrl.planners": "planners"}
 MODULES = sorted(path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py") if not path.parent.is_symlink())
 
-SIM_GROUND = {"errors", "compiler", "records", "rotations", "contracts"}
+SIM_GROUND = {"errors", "findings", "compiler", "records", "rotations", "contracts"}
 VOCABULARY = {
     "errors",
     "compiler",
@@ -27,27 +27,29 @@ VOCABULARY = {
     "sources",
     "topology",
     "running.recording",
+    "running.observation",
 }
 """What the planners know of `sim`: never a plant."""
 ROOMS = {
     # Room or module of a folder, and what it may import of that folder.
     "sim": {
-        "errors": set(),
+        "errors": {"findings"},
+        "findings": set(),
         "compiler": set(),
         "records": set(),
         "rotations": set(),
-        "contracts": set(),
+        # Names types of the rooms that it is a contract between.
+        "contracts": {"findings", "body", "scene", "running.clock", "running.observation", "running.recording"},
         "body": SIM_GROUND,
         "scene": SIM_GROUND,
         "topology": SIM_GROUND,
         "physics": SIM_GROUND | {"body"},
         "activation": SIM_GROUND | {"body"},
         "sources": SIM_GROUND | {"body", "activation"},
-        "running": SIM_GROUND | {"body", "scene", "activation", "sources"},
+        "running": SIM_GROUND | {"body", "scene", "activation", "sources", "topology"},
         "contact": SIM_GROUND | {"scene", "physics"},
         "rod": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running"},
-        # In the long run nothing of the rod.
-        "assembly": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running", "rod"},
+        "assembly": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running"},
         "plants": SIM_GROUND | {"body", "scene", "activation", "sources", "running", "rod", "assembly"},
     },
     "planners": {

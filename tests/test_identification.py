@@ -116,7 +116,7 @@ def test_errors_say_what_to_do(call, message):
 @pytest.mark.slow
 @pytest.mark.parametrize("laws", ["known", "generic"])
 def test_model_identified_on_the_rod_plant_predicts_the_held_out_coil(laws):
-    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.plants import Plant
     from octoctrl.sim.topology.measures import measure
 
     coil = Activation(

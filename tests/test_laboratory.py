@@ -19,8 +19,8 @@ from octoctrl.laboratory.trials import ASSEMBLY_KINDS, KINDS, draw
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.plants import Plant
 from octoctrl.sim.rod.layout import Row
-from octoctrl.sim.rod.plant import Plant
 from octoctrl.sim.topology.measures import measure
 
 PULL = Activation(templates=(Plateau(groups=("LM1", "R-OM"), level=0.3, rise=0.1),))
@@ -83,7 +83,7 @@ def test_sensible_motion_passes_all_checks(moved):
     plant, recording = moved
     for check in (laboratory_checks.finite, laboratory_checks.orthonormal, laboratory_checks.held, laboratory_checks.linked):
         assert check(recording) is None
-    assert laboratory_checks.powered(recording, plant.arm, plant.node_mass) is None
+    assert laboratory_checks.powered(recording, plant.arm, plant.core.node_mass) is None
 
 
 def test_checks_find_what_is_wrong(moved, monkeypatch):
@@ -110,7 +110,7 @@ def test_checks_find_what_is_wrong(moved, monkeypatch):
     assert "points holds" in laboratory_checks.finite(doctored("points", spoil))
     assert "orthonormal only to" in laboratory_checks.orthonormal(doctored("frames", tilt))
     assert "base has moved" in laboratory_checks.held(doctored("points", shift))
-    assert "kinetic energy" in laboratory_checks.powered(doctored("points", tear), plant.arm, 1e3 * plant.node_mass)
+    assert "kinetic energy" in laboratory_checks.powered(doctored("points", tear), plant.arm, 1e3 * plant.core.node_mass)
     assert "does not slow down" in laboratory_checks.settled(replace(long, points=np.sin(30 * long.time)[:, None, None] * long.points))
     assert laboratory_checks.settled(long) is None
     trace = measure(recording.time, recording.points, recording.frames)
@@ -128,10 +128,10 @@ def test_passive_energy_is_the_work_of_stretching():
     energies, forces, stretches = [], [], np.linspace(1.0, 1.2, 81)
     for stretch in stretches:
         plant.reset()
-        plant.rows[Row.X2, 1 : plant.elements + 2] = plant.edges * stretch
+        plant.core.rows[Row.X2, 1 : plant.elements + 2] = plant.edges * stretch
         energies.append(laboratory_checks.passive_energy(plant))
-        plant._move(np.zeros((2, len(MUSCLE_GROUPS), plant.elements)), 1)
-        forces.append(plant.rows[Row.TENSION, 1 : plant.elements + 1] @ np.diff(plant.edges))
+        plant.core._move(np.zeros((2, len(MUSCLE_GROUPS), plant.elements)), 1)
+        forces.append(plant.core.rows[Row.TENSION, 1 : plant.elements + 1] @ np.diff(plant.edges))
     work = np.sum((np.array(forces[1:]) + forces[:-1]) / 2 * np.diff(stretches))
     assert energies[-1] == pytest.approx(work, rel=2e-3)
 

@@ -302,7 +302,7 @@ def test_another_arm_plans_without_identification_and_says_so():
 
 @pytest.fixture(scope="module")
 def fig2c():
-    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.plants import Plant
 
     programme = tasks.programme("fig2c")
     activation, duration = programme.activation, programme.duration

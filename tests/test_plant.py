@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, REST_FRAME, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.plants import Plant
 from octoctrl.sim.rod.layout import Row
-from octoctrl.sim.rod.plant import CHUNK, REST_FRAME, Plant
+from octoctrl.sim.running.clock import CHUNK
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.topology.measures import measure
 
@@ -76,7 +77,7 @@ def test_cutting_a_run_into_pieces_changes_no_bit():
     whole.advance(programme, 1.0)
     for _ in range(20):
         pieces.advance(programme, 0.05)
-    assert np.array_equal(whole.rows[:18, :60], pieces.rows[:18, :60])
+    assert np.array_equal(whole.core.rows[:18, :60], pieces.core.rows[:18, :60])
     assert whole.time == pieces.time == 1.0
 
 
@@ -271,7 +272,7 @@ def settled_noise(groups, level, duration):
     plant, programme, peak = Plant(), activation(drive(*groups, level=level)), 0.0
 
     def velocities():
-        return plant.rows[Row.V1 : Row.V3 + 1, 1 : plant.elements + 2].T
+        return plant.core.rows[Row.V1 : Row.V3 + 1, 1 : plant.elements + 2].T
 
     for _ in range(round(duration / 0.05)):
         plant.advance(programme, 0.05)

@@ -24,8 +24,7 @@ from octoctrl.planners.model.statics import CONSTANTS, section_constants
 from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.sim.assembly.layout import AssemblyRow
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.plants import PLANTS
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import PLANTS, Plant
 
 ARM = oc.Arm.octopus()
 
@@ -53,7 +52,7 @@ def test_factory_makes_each_plant_for_arm_and_scene():
     for name in PLANTS:
         made = oc.make_plant(name, ARM, scene, record_every=4)
         assert made.model == name and made.arm is ARM and made.scene is scene and made.record_every == 4
-    assert type(oc.make_plant()) is Plant
+    assert type(oc.make_plant()) is Plant is oc.Plant
 
 
 @pytest.mark.parametrize(
@@ -210,10 +209,10 @@ def test_divergence_on_the_full_arm_names_the_rod_and_keeps_the_motion(plan):
     class Kicked(type(oc.make_plant("assembly"))):
         def advance(self, activation, duration, **options):
             if self.time > 0.04:
-                self.rods.oblique(AssemblyRow.V2, nodes=True)[6, 200] = 5000.0  # m/s, which no step survives
+                self.core.rods.oblique(AssemblyRow.V2, nodes=True)[6, 200] = 5000.0  # m/s, which no step survives
             return super().advance(activation, duration, **options)
 
-    run = execute(shortened(plan, 0.3), plant=Kicked(ARM), feedback="open-loop")
+    run = execute(shortened(plan, 0.3), plant=Kicked(ARM, model="assembly"), feedback="open-loop")
     assert run.status is ExecutionStatus.UNSTABLE and re.search(r"element \d+ of (R-OM helix 3|ring \d+)", run.recording.note)
     assert 0.04 <= run.recording.time[-1] < 0.3 and np.isfinite(run.recording.points).all()
 

@@ -7,10 +7,10 @@ from octoctrl.laboratory.trials import draw
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import PlantUnstableError
+from octoctrl.sim.plants import Plant
 from octoctrl.sim.rod.diagnosis import FEWEST, alternation, substeps
 from octoctrl.sim.rod.elastic import Rod, RodSimulation
 from octoctrl.sim.rod.layout import Row
-from octoctrl.sim.rod.plant import Plant
 from octoctrl.sim.rotations import rotation_matrix
 
 MATERIAL = {"density": 1000.0, "youngs_modulus": 1e4, "shear_modulus": 4e3}
@@ -43,8 +43,8 @@ def test_a_spin_that_the_step_cannot_follow_is_caught():
 
 def test_the_joint_at_the_clamp_is_watched():
     plant = Plant()
-    frame = plant.rows[Row.Q11 : Row.Q33 + 1, 1 : plant.elements + 1]
-    points = plant.rows[Row.X1 : Row.X3 + 1, 1 : plant.elements + 2]
+    frame = plant.core.rows[Row.Q11 : Row.Q33 + 1, 1 : plant.elements + 1]
+    points = plant.core.rows[Row.X1 : Row.X3 + 1, 1 : plant.elements + 2]
     turn = rotation_matrix(np.array([2.2, 0.0, 0.0]))
     frame[:] = (frame.T.reshape(-1, 3, 3) @ turn.T).reshape(-1, 9).T
     points[:] = turn @ points

@@ -4,16 +4,18 @@ import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
+from octoctrl.sim.plants import Plant
+from octoctrl.sim.rod.core import RodCore
 from octoctrl.sim.rod.layout import STATE_ROWS
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.running.plant import Plant as CorePlant
 from octoctrl.sim.scene.scene import Scene
 
 
-class Unskipped(Plant):
-    """A plant that evaluates the active law of every group and the drag of the water, needed or not."""
+class Unskipped(RodCore):
+    """A rod that evaluates the active law of every group and the drag of the water, needed or not."""
 
-    def __init__(self, *arguments, **settings):
-        super().__init__(*arguments, **settings)
+    def start(self, clock):
+        super().start(clock)
         self._scalars = self._scalars._replace(wet=True)
 
     @staticmethod
@@ -23,10 +25,11 @@ class Unskipped(Plant):
 
 def motions(activation, duration, **settings):
     """Whole states after a run with everything skipped that can be, and with nothing skipped."""
-    plants = Plant(**settings), Unskipped(**settings)
+    usual = Plant(**settings)
+    plants = usual, CorePlant(Unskipped(usual.arm, usual.scene), usual.clock)
     for plant in plants:
         plant.advance(activation, duration)
-    return [plant.rows[:STATE_ROWS, : plant.elements + 2].copy() for plant in plants]
+    return [plant.core.rows[:STATE_ROWS, : plant.elements + 2].copy() for plant in plants]
 
 
 def test_groups_at_rest_are_left_out_without_a_changed_bit():
@@ -51,7 +54,7 @@ def test_drag_is_left_out_in_a_vacuum_without_a_changed_bit():
 def test_a_group_that_pulls_is_not_left_out():
     levels = np.zeros((4, len(MUSCLE_GROUPS), 5))
     levels[2, 3, 4] = 1e-9
-    found = Plant._active(levels)
+    found = RodCore._active(levels)
     expected = np.zeros((3, len(MUSCLE_GROUPS)), dtype=bool)
     expected[1:, 3] = True
     assert np.array_equal(found, expected)

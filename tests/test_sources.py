@@ -6,11 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.assembly.plant import AssemblyPlant
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.body.layout import OCTOPUS_MUSCLES
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import Plant, make_plant
 from octoctrl.sim.sources import Corrected, Held, sampled
 
 EDGES = np.linspace(0.0, 0.2, 9)
@@ -75,14 +74,14 @@ def test_anything_else_is_refused_in_a_sentence(source, message):
 
 def test_full_arm_does_not_read_beyond_the_levels_that_it_is_given():
     """Cells of the muscles along the arm where those of the helices are asked for: the kernel would read on in foreign memory."""
-    plant = AssemblyPlant(ring_nodes=8)
+    plant = make_plant("assembly", ring_nodes=8)
     with pytest.raises(OctoctrlError, match=r"gave shape \(\d, 11, 180\) .* 359 cells of the partition 'oblique'"):
         plant.advance(Answers(lambda t, n: np.full((t, 11, 180), 0.2)), 5 * plant.sample_interval)
     with pytest.raises(OctoctrlError, match=r"gave shape \(\d, 11, 40\) .* 48 cells of the partition 'arm'"):
         Plant().advance(Answers(lambda t, n: np.full((t, 11, 40), 0.2)), 0.025)
 
 
-@pytest.mark.parametrize("make", [Plant, lambda **options: AssemblyPlant(ring_nodes=8, **options)], ids=["rod", "assembly-coarse"])
+@pytest.mark.parametrize("make", [Plant, lambda **options: make_plant("assembly", ring_nodes=8, **options)], ids=["rod", "assembly-coarse"])
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -168,7 +167,7 @@ def test_corrected_levels_run_on_their_clock_and_stay_levels():
 def test_held_source_moves_plants_of_every_partition_alike():
     arm = Arm.octopus()
     source = Held.of(np.full((11, 180), 0.1), np.linspace(0, arm.length, 181))
-    plant = AssemblyPlant(arm, ring_nodes=8)
+    plant = make_plant("assembly", arm, ring_nodes=8)
     recording = plant.advance(source, plant.sample_interval)
     assert np.array_equal(recording.levels, np.full((len(recording.time), 11, 180), 0.1))
     Plant(arm).advance(source, 0.01)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections
+from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.geometry import assembly_geometry
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow
-from octoctrl.sim.assembly.plant import AssemblyPlant, _compiled
 from octoctrl.sim.body.squid import SquidTentacle
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.plants import Plant, make_plant
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.sources import Strike
 
@@ -93,14 +93,17 @@ def test_the_strike_is_the_fifteenth_power_of_a_raised_cosine():
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: Plant(SquidTentacle()), "arm 'squid-tentacle' is not built as an octopus arm, as the one-rod plant is; use AssemblyPlant"),
+        (
+            lambda: Plant(SquidTentacle()),
+            "arm 'squid-tentacle' is not built as an octopus arm, as the one-rod plant is; use make_plant('assembly', arm)",
+        ),
         (lambda: SquidTentacle(myosin=(0.1e-6, 0.5e-6)), "myosin=1e-07 m"),
         (lambda: Strike(rise=0.0), "rise=0 s"),
         (
-            lambda: AssemblyPlant(TENTACLE, rings=72),
+            lambda: make_plant("assembly", TENTACLE, rings=72),
             "rings=72: arm 'squid-tentacle' is built of 96 rings of 24 nodes only; leave rings out",
         ),
-        (lambda: AssemblyPlant(TENTACLE, dt=2e-5), "dt=2e-05 s is outside 0…1e-05 s; use dt='auto'"),
+        (lambda: make_plant("assembly", TENTACLE, dt=2e-5), "dt=2e-05 s is outside 0…1e-05 s; use dt='auto'"),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(make, sentence):
@@ -114,9 +117,9 @@ def test_bad_input_is_refused_in_one_sentence(make, sentence):
 
 def test_repulsion_presses_muscles_singly_and_rings_evenly():
     """Twin of the kernel, on one cross-section whose muscles overlap their ring by different amounts."""
-    plant = AssemblyPlant(TENTACLE, AIR)
-    _, parts = _compiled(plant.grid, plant.geometry.inclination, False, TENTACLE.anatomy.traits)
-    rods, generator = plant.rods, np.random.default_rng(1)
+    plant = make_plant("assembly", TENTACLE, AIR)
+    _, parts = compiled(plant.core.grid, plant.core.geometry.inclination, False, TENTACLE.anatomy.traits)
+    rods, generator = plant.core.rods, np.random.default_rng(1)
     for row in (R.X1, R.X3):
         rods.straight(row, nodes=True)[1:] *= 1.01 + 0.01 * generator.standard_normal((12, 97))
     for family in (rods.open_rods, rods.rings):
@@ -127,7 +130,7 @@ def test_repulsion_presses_muscles_singly_and_rings_evenly():
     before = np.stack([rods.spoke(SpokeRow[name]) for name in names])
     parts["repel"](rods.flat)
     change = np.stack([rods.spoke(SpokeRow[name]) for name in names]) - before
-    straight, _, rings = plant.nodes()
+    straight, _, rings = plant.core.nodes()
     centre, node = (straight[1:, 1:] + straight[1:, :-1]) / 2, np.swapaxes(rings[:, ::2], 0, 1)
     outward = node - np.roll(node, 6, axis=0)
     outward /= np.linalg.norm(outward, axis=-1, keepdims=True)
@@ -158,7 +161,7 @@ PEAK = 2291.3561
 
 
 def strike(duration, **settings):
-    plant = AssemblyPlant(TENTACLE, AIR, sample_interval=1e-4, record_every=1, **settings)
+    plant = make_plant("assembly", TENTACLE, AIR, sample_interval=1e-4, record_every=1, **settings)
     recording = plant.advance(Strike(), duration)
     place = recording.points[:, -1, 1]
     return plant, place, np.gradient(place, recording.time)
@@ -208,15 +211,14 @@ def test_default_strike_does_not_depend_on_the_step(default_strike):
 def test_published_numerics_meet_the_default_when_their_step_resolves_the_muscles():
     """Explicit Hill muscles need steps of some 20 ns; at the published 1.25 µs velocities alternate and the rings shorten too fast."""
     start, _, _ = strike(0.034, resting_tone=0.0)
-    state = start.rods.state()
+    state = start.state()
 
     def shrinkage(**settings):
-        plant = AssemblyPlant(TENTACLE, AIR, sample_interval=1e-4, resting_tone=0.0, **settings)
-        plant.rods.restore(state)
-        plant.samples = start.samples
-        before = plant.muscle_lengths()[2]
+        plant = make_plant("assembly", TENTACLE, AIR, sample_interval=1e-4, resting_tone=0.0, **settings)
+        plant.restore(state)
+        before = plant.core.muscle_lengths()[2]
         plant.advance(Strike(), 1e-4)
-        return (before - plant.muscle_lengths()[2]).mean()
+        return (before - plant.core.muscle_lengths()[2]).mean()
 
     right = shrinkage()
     assert shrinkage(paper_compatible=True, dt=2e-8) == pytest.approx(right, rel=5e-3)
@@ -225,7 +227,7 @@ def test_published_numerics_meet_the_default_when_their_step_resolves_the_muscle
 
 def test_the_base_slides_and_rests_on_its_plane(default_strike):
     plant, _, _ = default_strike
-    straight, oblique, rings = plant.nodes()
+    straight, oblique, rings = plant.core.nodes()
     assert not straight[0, 0].any()
     np.testing.assert_array_equal(straight[1:, 0, 1], STRAIGHT.points[1:, 0, 1])
     np.testing.assert_array_equal(oblique[:, 0, 1], OBLIQUE.points[:, 0, 1])

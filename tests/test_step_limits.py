@@ -6,9 +6,10 @@ import pytest
 from octoctrl.bench.steps import arm_families, arm_is_stable, arm_prediction, bisect, rod_families, rod_is_stable
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.plants import Plant
+from octoctrl.sim.rod.core import LARGEST_STEP
 from octoctrl.sim.rod.elastic import Rod, RodSimulation
 from octoctrl.sim.rod.layout import STATE_ROWS, Row
-from octoctrl.sim.rod.plant import LARGEST_STEP, Plant
 from octoctrl.sim.rod.step_limits import SHEAR, STRETCH, TWIST
 from octoctrl.sim.rotations import rotation_matrix, rotation_vector
 from octoctrl.sim.running.clock import SAFETY
@@ -116,11 +117,11 @@ def test_no_eigenvalue_of_the_step_leaves_the_unit_circle_before_the_limit(dampi
 
 def test_prediction_leaves_the_plant_as_it_was():
     plant = Plant()
-    before, scalars = plant.buffer[: STATE_ROWS * plant.rows.shape[1]].copy(), plant._scalars
-    damping = plant.rows[Row.NODE_DECAY : Row.MOBILITY3 + 1].copy()
-    plant.step_limit(np.full((11, plant.elements), 0.3))
-    assert np.array_equal(before, plant.buffer[: before.size]) and plant._scalars == scalars
-    assert np.array_equal(damping, plant.rows[Row.NODE_DECAY : Row.MOBILITY3 + 1])
+    before, scalars = plant.core.buffer[: STATE_ROWS * plant.core.rows.shape[1]].copy(), plant.core._scalars
+    damping = plant.core.rows[Row.NODE_DECAY : Row.MOBILITY3 + 1].copy()
+    plant.core.step_limit(np.full((11, plant.elements), 0.3))
+    assert np.array_equal(before, plant.core.buffer[: before.size]) and plant.core._scalars == scalars
+    assert np.array_equal(damping, plant.core.rows[Row.NODE_DECAY : Row.MOBILITY3 + 1])
 
 
 def test_step_of_a_coarse_arm_is_that_of_its_muscles():

@@ -140,8 +140,7 @@ def rod_precision(*, full=False):
     -------
     Table
     """
-    from octoctrl.sim.plants import warmup
-    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.plants import Plant, warmup
 
     warmup()
     largest = Plant().limit.step
@@ -186,16 +185,16 @@ def assembly_precision(*, full=False):
     -------
     Table
     """
-    from octoctrl.sim.assembly.plant import AssemblyPlant
+    from octoctrl.sim.plants import make_plant
 
     duration, case = (0.6, "Fig 2c to 0.6 s") if full else (0.2, "Fig 2c to 0.2 s")
     activation = tasks.programme("fig2c").activation
-    reference = AssemblyPlant(dt=1e-5, record_every=EVERY).advance(activation, duration)
+    reference = make_plant("assembly", dt=1e-5, record_every=EVERY).advance(activation, duration)
 
     def make(**settings):
-        return lambda: AssemblyPlant(**settings, record_every=EVERY)
+        return lambda: make_plant("assembly", **settings, record_every=EVERY)
 
-    choices = {"default": make(), "step / 2": make(dt=AssemblyPlant().h / 2), "step of 0.1 ms": make(dt=1e-4)}
+    choices = {"default": make(), "step / 2": make(dt=make_plant("assembly").h / 2), "step of 0.1 ms": make(dt=1e-4)}
     rows = [_row(case, label, plant, activation, duration, reference, 2) for label, plant in choices.items()]
     return Table(
         name="assembly", title="Arm of 197 rods: time against error", columns=COLUMNS, formats=COLUMN_FORMATS, rows=tuple(rows),
@@ -217,8 +216,7 @@ def reduced_precision(*, full=False):
     Table
     """
     from octoctrl.planners.fitting.identification import load_identified
-    from octoctrl.sim.plants import warmup
-    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.plants import Plant, warmup
     from octoctrl.sim.topology.measures import measure
 
     from ..tables import fastest

@@ -7,9 +7,11 @@ import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
-from octoctrl.sim.plants import warmup
+from octoctrl.sim.plants import Plant, warmup
+from octoctrl.sim.rod.core import RodCore
 from octoctrl.sim.rod.layout import STATE_ROWS
-from octoctrl.sim.rod.plant import Plant
+from octoctrl.sim.running.clock import Clock
+from octoctrl.sim.running.plant import Plant as CorePlant
 from octoctrl.sim.scene.scene import Scene
 
 from ..tables import Table, fastest
@@ -19,11 +21,11 @@ WINDOW = 0.5
 """Simulated time of the stretches that are timed, s."""
 
 
-class _Unskipped(Plant):
-    """A plant that evaluates every active law and the drag of the water, needed or not."""
+class _Unskipped(RodCore):
+    """A rod that evaluates every active law and the drag of the water, needed or not."""
 
-    def __init__(self, *arguments, **settings):
-        super().__init__(*arguments, **settings)
+    def start(self, clock: Clock) -> None:
+        super().start(clock)
         self._scalars = self._scalars._replace(wet=True)
 
     @staticmethod
@@ -118,14 +120,15 @@ def scaling(*, full=False):
 
 def _compared(activation, **settings):
     """Seconds per step with and without skipping, in turns, and whether the motion is the same to the bit."""
-    plants = [kind(**settings) for kind in (Plant, _Unskipped)]
+    usual = Plant(**settings)
+    plants = [usual, CorePlant(_Unskipped(usual.arm, usual.scene), usual.clock)]
     spent = [np.inf, np.inf]
     for _ in range(40):
         for index, plant in enumerate(plants):
             begin = time.process_time()
             plant.advance(activation, WINDOW)
             spent[index] = min(spent[index], time.process_time() - begin)
-    states = [plant.rows[:STATE_ROWS, : plant.elements + 2] for plant in plants]
+    states = [plant.core.rows[:STATE_ROWS, : plant.elements + 2] for plant in plants]
     return [value / (WINDOW / plants[0].h) for value in spent], bool(np.array_equal(*states))
 
 
@@ -157,9 +160,9 @@ def skips(*, full=False):
         costs = [fastest(lambda plant=plant: plant.advance(_held("LM1"), WINDOW), 40)[0] / (WINDOW / plant.h) for plant in plants]
         rows.append((name, 1e6 * costs[0], 1e6 * costs[1], 100 * (1 - costs[0] / costs[1]), "same bits"))
     if full:
-        from octoctrl.sim.assembly.plant import AssemblyPlant
+        from octoctrl.sim.plants import make_plant
 
-        rod, assembly = Plant(), AssemblyPlant()
+        rod, assembly = Plant(), make_plant("assembly")
         assembly.advance(_held("LM1"), assembly.sample_interval)
         costs = [fastest(lambda plant=plant: plant.advance(_held("LM1"), 0.02), 4)[0] / 0.02 * rod.h for plant in (rod, assembly)]
         rows.append(

@@ -13,8 +13,8 @@ from ..tables import Table
 
 FIRST_STEP = """
 from octoctrl.sim.activation import Activation
-from octoctrl.sim.{module} import {plant}
-plant = {plant}()
+from octoctrl.sim.plants import make_plant
+plant = make_plant("{plant}")
 plant.advance(Activation(), plant.sample_interval)
 """
 
@@ -72,11 +72,11 @@ def startup(*, full=False):
     """
     rows = [("import octoctrl", *child("import octoctrl"), None)]
     rows.append(("octoctrl --help", *child("from octoctrl.cli.application import main; main(['--help'])"), None))
-    models = {"rod arm": ("plant", "Plant", (30.0, 3.0))}
+    models = {"rod arm": ("rod", (30.0, 3.0))}
     if full:
-        models["arm of 197 rods"] = ("assembly", "AssemblyPlant", (90.0, 3.0))
-    for name, (module, plant, limits) in models.items():
-        code = FIRST_STEP.format(module=module, plant=plant)
+        models["arm of 197 rods"] = ("assembly", (90.0, 3.0))
+    for name, (plant, limits) in models.items():
+        code = FIRST_STEP.format(plant=plant)
         with tempfile.TemporaryDirectory() as cache:
             for state, limit in zip(("compiled anew", "from the cache"), limits, strict=True):
                 rows.append((f"{name}: first step, {state}", *child(code, cache), limit))

@@ -75,13 +75,13 @@ def arm_prediction(activation, scene, instants=20):
     tip : (3,) float64, m
         At the end.
     """
-    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.plants import Plant
 
     plant = Plant(scene=scene, dt=1e-4)
     limits = [plant.limit]
     for _ in range(instants):
         plant.advance(activation, DURATION / instants)
-        limits.append(plant.step_limit(activation.levels(np.array([plant.time]), plant.edges)[0]))
+        limits.append(plant.core.step_limit(activation.levels(np.array([plant.time]), plant.edges)[0]))
     return limits[0], min(limits, key=lambda limit: limit.step), plant.observe().points[-1]
 
 
@@ -102,14 +102,14 @@ def arm_is_stable(h, activation, scene, tip, steps=10):
     -------
     bool
     """
-    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.plants import Plant
 
     plant = Plant(scene=scene, sample_interval=steps * h)
     plant.set_steps(steps)
-    stir(plant.rows, plant.elements)
+    stir(plant.core.rows, plant.elements)
 
     def velocities():
-        return plant.rows[Row.V1 : Row.V3 + 1, 1 : plant.elements + 2].T
+        return plant.core.rows[Row.V1 : Row.V3 + 1, 1 : plant.elements + 2].T
 
     peak, count = SEED, round(DURATION / plant.sample_interval)
     try:
@@ -225,8 +225,7 @@ def steps(*, full=False):
     -------
     Table
     """
-    from octoctrl.sim.plants import warmup
-    from octoctrl.sim.rod.plant import Plant
+    from octoctrl.sim.plants import Plant, warmup
 
     warmup()
     rows = []

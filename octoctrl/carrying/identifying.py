@@ -4,7 +4,7 @@ from pathlib import Path
 
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.plants import MODELLED_AS, check_plant, make_plant, warmup
+from octoctrl.sim.plants import check_plant, make_plant, warmup
 from octoctrl.sim.scene.scene import Scene
 
 from ..files.writing import check_target, written_aside
@@ -52,7 +52,7 @@ def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, l
     arm, scene = arm or Arm.octopus(), scene or Scene()
     display = progress or NullProgress()
     warmup(plant, progress)
-    runs = identification.experiments(arm, MODELLED_AS[plant])
+    runs = identification.experiments(arm, check_plant(plant).modelled_as)
     recordings, cut_short, done = [], {}, 0.0
     display.start("running the plant", sum(duration for _, _, duration in runs))
     try:
@@ -71,7 +71,7 @@ def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, l
             recordings.append((activation, recording))
             done += duration
         display.start(f"fitting {laws} laws to {len(recordings)} runs")
-        found = identification.identify(recordings, arm, scene, laws=laws, plant=MODELLED_AS[plant])
+        found = identification.identify(recordings, arm, scene, laws=laws, plant=check_plant(plant).modelled_as)
     finally:
         display.stop()
     found.statistics["cut_short"] = cut_short
@@ -104,8 +104,7 @@ def load_model(model, arm, scene, plant="rod"):
     """
     from octoctrl.planners.fitting import identification
 
-    check_plant(plant)
-    plant = MODELLED_AS[plant]
+    plant = check_plant(plant).modelled_as
     if model is None:
         return identification.load_identified(arm, scene, plant=plant)
     if isinstance(model, str | Path):

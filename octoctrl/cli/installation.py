@@ -37,5 +37,5 @@ def warmup(plant: PlantName = None, quiet: Quiet = False) -> ExitCode:
 
     name = plant or "rod"
     plants.warmup(name, display(quiet))
-    print(f" the plant is compiled: {plants.PLANTS[name]}")
+    print(f" the plant is compiled: {plants.PLANTS[name].text}")
     return ExitCode.WELL

@@ -106,7 +106,7 @@ def passive_energy(plant):
 
     Parameters
     ----------
-    plant : octoctrl.sim.rod.plant.Plant
+    plant : octoctrl.sim.running.plant.Plant
 
     Returns
     -------
@@ -115,10 +115,10 @@ def passive_energy(plant):
     from octoctrl.sim.rod.elastic import joint_curvature, rod_energy
 
     arm, n = plant.arm, plant.elements
-    total = sum(rod_energy(plant.rows, n, plant.node_mass, constant_section=False).values())
+    total = sum(rod_energy(plant.core.rows, n, plant.core.node_mass, constant_section=False).values())
     section = arm.section((arm.edges[1:] + arm.edges[:-1]) / 2)
     length, stretch = np.diff(arm.edges), plant.observe().stretch
-    joints = joint_curvature(plant.rows, n)
+    joints = joint_curvature(plant.core.rows, n)
     bend1, bend2, twist = (joints + np.concatenate([joints[:, 1:], joints[:, -1:]], axis=1)) / 2
     radius = stretch**-arm.lumped.hoop_ratio
     cord, longitudinal, ring, oblique = section.areas

@@ -116,8 +116,8 @@ class _Run:
     def _plant(self, finer=1, displacement=0.0):
         """The trial's plant at its begin; at a part of the step, or with its nodes displaced at random."""
         from octoctrl.sim.body.arm import Arm
+        from octoctrl.sim.plants import Plant
         from octoctrl.sim.rod.layout import Row
-        from octoctrl.sim.rod.plant import Plant
         from octoctrl.sim.scene.scene import Scene
 
         trial = self.trial
@@ -129,7 +129,7 @@ class _Run:
             plant = Plant(arm, scene, dt=trial.step * plant.limit.step)
         if finer > 1:
             plant = Plant(arm, scene, dt=plant.h / finer)
-        nodes = plant.rows[Row.X1 : Row.X3 + 1, 2 : plant.elements + 2]
+        nodes = plant.core.rows[Row.X1 : Row.X3 + 1, 2 : plant.elements + 2]
         nodes[1] *= trial.stretch
         if displacement:
             nodes += displacement * arm.length * np.random.default_rng(0).standard_normal(nodes.shape)
@@ -208,7 +208,7 @@ class _Run:
         yield checks.held(recording)
         yield checks.linked(recording)
         if trial.stretch == 1.0 and trial.kind not in ASSEMBLY_KINDS:
-            yield checks.powered(recording, plant.arm, plant.node_mass)
+            yield checks.powered(recording, plant.arm, plant.core.node_mass)
         if trial.kind == "settling":
             yield checks.settled(recording)
 
@@ -233,7 +233,7 @@ class _Run:
             except PlantUnstableError as other:
                 again = abs(other.time - error.time) < SAME_TIME * error.time
         return {
-            "verdict": Verdict.UNSTABLE if "to and fro" in error.mechanism and not again else Verdict.LIMIT,
+            "verdict": Verdict.UNSTABLE if error.stop.unstable and not again else Verdict.LIMIT,
             "reason": str(error),
             "again": again,
             "stop": {"time": error.time, "rod": error.rod, "element": error.element, "mechanism": error.mechanism},
@@ -242,4 +242,4 @@ class _Run:
 
 
 def _state(plant):
-    return plant._state().values()
+    return plant.state().values()

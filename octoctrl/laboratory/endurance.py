@@ -75,8 +75,8 @@ def settled_speed(progress=None):
         speed that is not zero, ``smallest``, m/s.
     """
     from octoctrl.sim.activation import Activation, Plateau
+    from octoctrl.sim.plants import Plant
     from octoctrl.sim.rod.layout import Row
-    from octoctrl.sim.rod.plant import Plant
 
     pull = Activation(templates=(Plateau(groups=("LM1", "R-OM"), level=0.3, rise=0.1, offset=PULSE - 0.2, fall=0.1),))
     if progress is not None:
@@ -94,5 +94,5 @@ def settled_speed(progress=None):
     moved, moving = step_time(pull, PULSE)
     rested, rest = step_time(pull, PULSE + REST)
     _, never = step_time(Activation(), 0.05)
-    speeds = np.abs(rested.rows[Row.V1 : Row.V3 + 1, 2 : rested.elements + 2])
+    speeds = np.abs(rested.core.rows[Row.V1 : Row.V3 + 1, 2 : rested.elements + 2])
     return {"moving": moving, "rest": rest, "never": never, "smallest": float(speeds[speeds > 0].min(initial=np.inf)), "step": moved.h}

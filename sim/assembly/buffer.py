@@ -1,7 +1,8 @@
 """The buffer of an assembly, filled from geometry: states at rest, stiffnesses, masses, connection constants, damping for a time step."""
 
-from dataclasses import dataclass
-from math import tau
+from dataclasses import dataclass, fields
+from math import prod, tau
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,13 @@ INERTIA_FLOOR = 0.8
 """Rotary inertia is at least (shear + bending stiffness of the element) times (this times the step)^2: twice what stability needs."""
 
 R = AssemblyRow
+
+
+class _Place(NamedTuple):
+    """Where a part of the buffer stands."""
+
+    start: int
+    shape: tuple[int, ...]
 
 
 @dataclass(slots=True)
@@ -44,6 +52,22 @@ class AssemblyBuffer:
     crossings: np.ndarray
     ring_index: np.ndarray
     helix_index: np.ndarray
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The buffer, and of its parts only where they stand in it: copied by themselves they would no longer be views."""
+        content = {item.name: getattr(self, item.name) for item in fields(self)}
+        start = self.flat.__array_interface__["data"][0]
+        for name, part in content.items():
+            if isinstance(part, np.ndarray) and part.base is self.flat:
+                content[name] = _Place((part.__array_interface__["data"][0] - start) // part.itemsize, part.shape)
+        return content
+
+    def __setstate__(self, content: dict[str, Any]) -> None:
+        """Take up what `__getstate__` gave."""
+        for name, part in content.items():
+            if isinstance(part, _Place):
+                part = content["flat"][part.start : part.start + prod(part.shape)].reshape(part.shape)
+            setattr(self, name, part)
 
     def state(self):
         """Copies of the state rows of open rods and rings."""

@@ -25,6 +25,9 @@ MUSCLE_GROUPS = OCTOPUS_MUSCLES.names
 """Names of the octopus arm's groups, in the order of every array indexed by group."""
 LONGITUDINAL_GROUPS = tuple(group.name for group in OCTOPUS_MUSCLES.longitudinal)
 
+REST_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Frame of the base, and of every section at rest: rows d1 = +z, d2 = +x, d3 = +y (arm axis)."""
+
 
 def azimuth(group: str) -> float:
     """Azimuth of a longitudinal muscle of the octopus arm, rad, from +x (d2) towards +z (d1)."""

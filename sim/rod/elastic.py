@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 
 from ..errors import OctoctrlError, PlantUnstableError, check_choice, check_number
+from ..findings import Finding, Stop
 from ..physics.damping import damped
 from ..records import Record
 from ..rotations import rotation_vector
@@ -16,14 +17,6 @@ from .step_limits import predict_limit
 
 CIRCULAR_SHEAR = 27 / 28
 """Shear coefficient of a circular section (PyElastica's default; Tekinalp et al. 2024 use 4/3)."""
-
-FINDINGS = {
-    1: "is stretched beyond 0.2…3 times its length",
-    2: "is bent by more than 1.5 rad against its neighbour",
-    3: "has a position that is not a number",
-    5: "is sheared by more than 60 degrees",
-    6: "turns by a radian within one step",
-}
 
 SUPPORTS = ("free", "clamped", "element")
 SECTIONS = ("incompressible", "constant")
@@ -301,13 +294,10 @@ def set_damping(rows, n, h, node_rate, bend_rate, twist_rate, *, fixed, masses=N
 
 def raise_unstable(time, element, finding, dt, limit):
     """Raise `PlantUnstableError` in physical terms."""
-    raise PlantUnstableError(
-        f"unstable at t={time:.3f} s: element {element} {FINDINGS[finding]} (dt={dt:.2g} s, predicted limit {limit.step:.2g} s from "
-        f"{limit.mechanism}); most likely a sudden load - smooth it (ramp >= 20 ms) or halve dt",
-        time=time,
-        element=element,
-        mechanism=FINDINGS[finding],
-    )
+    cause = "most likely a sudden load - smooth it (ramp >= 20 ms) or halve dt"
+    stop = Stop(time=time, rod="arm", element=element, finding=Finding(finding), unstable=None, cause=cause)
+    known = f"(dt={dt:.2g} s, predicted limit {limit.step:.2g} s from {limit.mechanism})"
+    raise PlantUnstableError.of(stop, f"unstable at t={time:.3f} s: {stop.place} {stop.mechanism} {known}; {cause}")
 
 
 def joint_curvature(rows, n):

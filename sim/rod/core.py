@@ -1,0 +1,240 @@
+"""The core of the plant ``"rod"``: one Cosserat rod of the arm's outline, whose muscle fibres act at their places off the axis."""
+
+from collections.abc import Callable
+from functools import cache
+from math import ceil, tau
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..body.anatomy import OCTOPUS
+from ..body.arm import REST_FRAME, Arm
+from ..body.layout import MuscleLayout
+from ..compiler import BUILDING
+from ..contracts import Floats, Motion, State
+from ..errors import OctoctrlError
+from ..findings import Finding, Stop
+from ..physics.fibre_kernels import law_constants
+from ..running.clock import SAFETY, Clock, StepLimit
+from ..scene.scene import Scene, Water
+from .diagnosis import ALTERNATING, TRAIL, alternation, explained, substeps
+from .elastic import node_masses, set_damping, set_joints, set_state
+from .layout import STATE_ROWS, Row, new_buffer, stride_for
+from .step_limits import predict_limit
+
+LARGEST_STEP = 1e-3
+"""What ``dt="auto"`` takes at most, s: coarse arms would be stable beyond, but miss the onset of their muscles."""
+
+_LIMITS: dict[tuple[Arm, Water | None], StepLimit] = {}
+"""Step limits at rest by arm and water: many plants of a study are alike."""
+
+
+@cache
+def _muscular_advance(stride: int, layout: MuscleLayout) -> Callable[..., Any]:
+    from .stepping import muscular_stepper
+
+    return muscular_stepper(stride, layout)
+
+
+class RodCore:
+    """One rod in place of the whole arm, see `octoctrl.sim.contracts.Core`.
+
+    Parameters
+    ----------
+    arm : Arm
+    scene : Scene
+
+    Attributes
+    ----------
+    buffer : (rows * stride,) float64
+        All that the compiled code reads and writes, by `octoctrl.sim.rod.layout.Row`.
+    node_mass : (n + 1,) float64, kg
+
+    Raises
+    ------
+    OctoctrlError
+        If the arm is not built as an octopus arm.
+    """
+
+    model = "rod"
+    finer = (2, 4)
+    """Driven tips now and then outrun the step at rest."""
+    period = 0.05
+
+    def __init__(self, arm: Arm, scene: Scene) -> None:
+        if arm.anatomy is not OCTOPUS:
+            raise OctoctrlError(
+                f"arm '{arm.name}' is not built as an octopus arm, as the one-rod plant is; use make_plant('assembly', arm)"
+            )
+        self.arm, self.scene, self.elements = arm, scene, arm.elements
+        edges = arm.edges
+        self.partitions = {"arm": edges}
+        self._lengths = np.diff(edges)
+        self._section = arm.section((edges[1:] + edges[:-1]) / 2)
+        self.buffer, _ = new_buffer(self.elements)
+        self.node_mass = node_masses(sum(self._section.masses) * self._lengths)
+        self._fill_parameters()
+        self.rest()
+        self.limit = self._limit_at_rest()
+
+    @property
+    def rows(self) -> Floats:
+        """View of the buffer as rows; made anew each time, so that copies of a core are not bound to one another."""
+        return self.buffer.reshape(len(Row), -1)
+
+    @property
+    def usual(self) -> float:
+        """What ``dt="auto"`` takes, s."""
+        return min(SAFETY * self.limit.step, LARGEST_STEP)
+
+    def _limit_at_rest(self) -> StepLimit:
+        key = self.arm, self.scene.water
+        if key not in _LIMITS:
+            _LIMITS[key] = self.step_limit()
+        return _LIMITS[key]
+
+    def start(self, clock: Clock) -> None:
+        """Set all that depends on the step."""
+        self._prepare(clock.step)
+
+    def _prepare(self, h: float) -> None:
+        self._h = h
+        self._fill_damping(h)
+        self._scalars = self._compiled_scalars(h)
+
+    def step_limit(self, levels: Floats | None = None) -> StepLimit:
+        """Predict the largest stable step in the present state.
+
+        Parameters
+        ----------
+        levels : (groups, n) float64, optional
+            Activation; none if omitted.
+
+        Returns
+        -------
+        StepLimit
+        """
+        n = self.elements
+        levels = np.zeros((len(self.arm.layout), n)) if levels is None else np.asarray(levels, dtype=float)
+        both, before = np.stack([levels, levels]), getattr(self, "_h", None)
+        scratch = np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))
+        found = predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, both, *scratch))
+        if before is not None:
+            self._prepare(before)
+        return found
+
+    def _fill_parameters(self) -> None:
+        n, rows, section, length = self.elements, self.rows, self._section, self._lengths
+        cord, longitudinal, ring, oblique = section.areas
+        inside = slice(1, n + 1)
+        for row, values in (
+            (Row.SHEAR, section.shear_stiffness),
+            (Row.OFFSET, section.muscle_offset),
+            (Row.HELIX, section.oblique_offset),
+            (Row.CORD_AREA, cord),
+            (Row.LONGITUDINAL_AREA, longitudinal),
+            (Row.RING_AREA, ring),
+            (Row.OBLIQUE_AREA, oblique),
+            (Row.OBLIQUE_REST, section.oblique_stretch),
+        ):
+            rows[row, inside] = values
+        # The implicit step treats spin alike in all directions, and so must inertia: with the true polar / 2 in bending the step is not
+        # symmetric and feeds a flutter of tight curls. The larger value moves the tip of the published coil by 0.1 % of L (rms).
+        rows[Row.INERTIA1, inside] = rows[Row.INERTIA2, inside] = rows[Row.INERTIA3, inside] = sum(section.polar_inertias) * length
+        set_joints(rows, n, length, section.bending_stiffness, section.twist_stiffness, clamped=True)
+        rows[Row.NODE_MOBILITY, 1 : n + 2] = 1 / self.node_mass
+
+    def _fill_damping(self, h: float) -> None:
+        n, rows, water, section = self.elements, self.rows, self.scene.water, self._section
+        if water is None:
+            set_damping(rows, n, h, 0.0, 0.0, 0.0, fixed="clamped", masses=self.node_mass)
+            return
+        rates = water.factor * np.array([0.0, 0.0, water.ring_rate, water.oblique_rate])
+        force_rate = node_masses(rates @ np.array(section.masses) * self._lengths) / self.node_mass
+        spin_rate = rates @ np.array(section.polar_inertias) / sum(section.polar_inertias)
+        set_damping(rows, n, h, force_rate, spin_rate, spin_rate, fixed="clamped", masses=self.node_mass)
+        width = section.muscle_count * section.muscle_radius * self._lengths * water.density * water.factor
+        rows[Row.DRAG_NORMAL, 1 : n + 2] = node_masses(width) * water.normal_coefficient
+        rows[Row.DRAG_TANGENT, 1 : n + 2] = node_masses(width) * water.tangential_coefficient * tau / 2
+
+    def _compiled_scalars(self, h: float) -> Any:
+        from .stepping import MuscleScalars
+
+        arm = self.arm
+        return MuscleScalars(
+            hoop_ratio=float(arm.lumped.hoop_ratio),
+            winding=tau / arm.oblique_pitch,
+            elastic=h / 2,
+            longitudinal=law_constants(arm.longitudinal),
+            oblique=law_constants(arm.oblique, arm.lumped.oblique_passive),
+            transverse=law_constants(arm.transverse),
+            wet=self.scene.water is not None and self.scene.water.factor > 0,
+        )
+
+    def rest(self) -> None:
+        """Put the arm to rest, straight along +y."""
+        points = np.zeros((self.elements + 1, 3))
+        points[:, 1] = self.partitions["arm"]
+        set_state(self.rows, self.elements, points, np.broadcast_to(REST_FRAME, (self.elements, 3, 3)), REST_FRAME)
+
+    def shape(self) -> tuple[Floats, Floats, Floats]:
+        """Points (n + 1, 3), frames (n, 3, 3) and stretch (n,) now."""
+        n, rows = self.elements, self.rows
+        points = rows[Row.X1 : Row.X3 + 1, 1 : n + 2].T.copy()
+        frames = rows[Row.Q11 : Row.Q33 + 1, 1 : n + 1].T.reshape(n, 3, 3)
+        return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self._lengths
+
+    def speeds(self) -> tuple[Floats, Floats]:
+        """Velocities (n + 1, 3) of the nodes and spins (n, 3) of the elements now."""
+        n, rows = self.elements, self.rows
+        return rows[Row.V1 : Row.V3 + 1, 1 : n + 2].T.copy(), rows[Row.W1 : Row.W3 + 1, 1 : n + 1].T.copy()
+
+    def move(self, first: int, levels: State, clock: Clock) -> Motion:
+        """Take the steps of the samples between the instants of `levels`; `first` makes no difference."""
+        return self._move(levels["arm"], clock.steps)
+
+    def _move(self, levels: Floats, steps: int) -> Motion:
+        n, samples = self.elements, len(levels) - 1
+        points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
+        done, finding, element = self._step(self._h, steps, levels, points, frames, stretch)
+        return Motion(points[:done], frames[:done], stretch[:done], Finding(finding), "arm", int(element) - 1)
+
+    def _step(self, h: float, steps: int, levels: Floats, points: Floats, frames: Floats, stretch: Floats) -> tuple[int, int, int]:
+        """The compiled loop: `steps` of h in each sample -> samples done, finding, element."""
+        with BUILDING:
+            step = _muscular_advance(stride_for(self.elements), self.arm.layout)
+        count, active = np.uint64(self.elements), self._active(levels)
+        found: tuple[int, int, int] = step(self.buffer, count, h, steps, levels, active, self._scalars, points, frames, stretch)
+        return found
+
+    @staticmethod
+    def _active(levels: Floats) -> NDArray[np.bool_]:
+        """Which groups pull in each sample (samples, groups); the others' active laws are left out, which changes no bit."""
+        pulls = levels @ np.ones(levels.shape[2]) > 0
+        return pulls[1:] | pulls[:-1]
+
+    def explain(self, before: State, first: int, levels: State, motion: Motion, clock: Clock) -> Stop:
+        """Go the last samples again, step by step: where and when it began, and whether the motion alternated."""
+        along, done = levels["arm"], len(motion.points)
+        skip = max(0, done - ceil(TRAIL / clock.steps))
+        self.restore(before)
+        if skip:
+            self._move(along[: skip + 1], clock.steps)
+        closer = self._move(substeps(along[skip : done + 2], clock.steps), 1)
+        where = closer if closer.finding else motion
+        share = alternation(closer.frames[:, max(0, where.element - 1) : where.element + 2])
+        time = (first + skip) * clock.sample + (len(closer.frames) + 1) * clock.step
+        return explained(time, where.element, where.finding, None if share is None else share > ALTERNATING)
+
+    def state(self) -> State:
+        """Copies of the rows that hold the motion."""
+        return {"state": self.rows[:STATE_ROWS, : self.elements + 2].copy()}
+
+    def restore(self, state: State) -> None:
+        """Write back what `state` returned."""
+        self.rows[:STATE_ROWS, : self.elements + 2] = state["state"]
+
+    def identity(self) -> dict[str, Any]:
+        """What a saved state must share."""
+        return {"grading": self.arm.grading, "elements": self.elements}

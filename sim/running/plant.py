@@ -1,0 +1,397 @@
+"""A plant: a core that moves by the step of a clock. What all plants share is here: levels, recording, second tries, copies, files."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..body.arm import Arm
+from ..body.layout import MuscleLayout
+from ..contracts import ActivationSource, Core, Floats, Motion, State
+from ..errors import OctoctrlError, PlantUnstableError, check_number
+from ..scene.scene import Scene
+from ..sources import Held, sampled
+from .clock import Clock, StepLimit
+from .observation import Observation, with_ends
+from .recording import Recording
+
+
+class Plant:
+    """A simulated arm, see `octoctrl.sim.contracts.PlantLike`.
+
+    Parameters
+    ----------
+    core : Core
+    clock : Clock
+    gains : mapping of str to float, optional
+        Factors in [0, 1] on the levels of muscle groups: what a weak muscle makes of what it is told, 0 for a dead one. Recordings hold
+        what it was told.
+    automatic : bool
+        Whether a sample in which the run would stop is tried again at the finer steps of the core.
+
+    Attributes
+    ----------
+    retried : int
+        How often that helped.
+
+    Raises
+    ------
+    OctoctrlError
+        If a gain is out of range.
+    """
+
+    def __init__(self, core: Core, clock: Clock, *, gains: Mapping[str, float] | None = None, automatic: bool = False) -> None:
+        self._core, self._clock, self._gains = core, clock, dict(gains or {})
+        self._factors = _factors(self._gains, core.arm.layout)
+        edges = core.partitions["arm"]
+        self._stations = np.concatenate([[0.0], (edges[1:] + edges[:-1]) / 2, [core.arm.length]])
+        self._automatic, self._retried, self._samples = automatic, 0, 0
+        core.start(clock)
+        core.rest()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Settle what a plant is when it is made."""
+        if isinstance(getattr(type(self), name, None), property):
+            raise AttributeError(f"'{name}' of a plant is settled when it is made and cannot be set; make another plant")
+        super().__setattr__(name, value)
+
+    @property
+    def core(self) -> Any:
+        """What moves, a `Core`; what it has beyond that contract is its own."""
+        return self._core
+
+    @property
+    def model(self) -> str:
+        """Name of the model with its numerics."""
+        return self._core.model
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self._core.arm
+
+    @property
+    def scene(self) -> Scene:
+        """What is around it."""
+        return self._core.scene
+
+    @property
+    def clock(self) -> Clock:
+        """How time is divided."""
+        return self._clock
+
+    @property
+    def limit(self) -> StepLimit:
+        """Predicted largest stable step at rest, and what would grow above it."""
+        return self._core.limit
+
+    @property
+    def period(self) -> float:
+        """Usual time between corrections by feedback, s."""
+        return self._core.period
+
+    @property
+    def h(self) -> float:
+        """Time step in use, s."""
+        return self._clock.step
+
+    @property
+    def steps(self) -> int:
+        """Steps in each sample."""
+        return self._clock.steps
+
+    @property
+    def sample_interval(self) -> float:
+        """How often activation is sampled (linear in between) and the motion is checked, s."""
+        return self._clock.sample
+
+    @property
+    def record_every(self) -> int:
+        """Every so many samples are recorded, and the last."""
+        return self._clock.record
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Factors on the levels of the groups that have one."""
+        return dict(self._gains)
+
+    @property
+    def edges(self) -> Floats:
+        """Arclengths (n + 1,) that bound the elements, m."""
+        return self._core.partitions["arm"]
+
+    @property
+    def stations(self) -> Floats:
+        """Arclengths (n + 2,) of the frames: base, element centres, tip, m."""
+        return self._stations
+
+    @property
+    def elements(self) -> int:
+        """Elements along the arm."""
+        return len(self.edges) - 1
+
+    @property
+    def automatic(self) -> bool:
+        """Whether a sample in which the run would stop is tried again at finer steps."""
+        return self._automatic
+
+    @property
+    def retried(self) -> int:
+        """How often that helped."""
+        return self._retried
+
+    @property
+    def samples(self) -> int:
+        """Samples done."""
+        return self._samples
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self._samples * self._clock.sample
+
+    def __repr__(self) -> str:
+        return f"<plant '{self.model}' of arm '{self.arm.name}', {self.elements} elements, step {self.h:.3g} s, at t={self.time:g} s>"
+
+    def set_steps(self, steps: int) -> None:
+        """Take `steps` steps in each sample, stable or not, and try no others: for studies of stability."""
+        self._automatic = False
+        self._clock = replace(self._clock, steps=steps)
+        self._core.start(self._clock)
+
+    def reset(self) -> Observation:
+        """Put the arm back to rest at time zero; returns the first `Observation`."""
+        self._core.rest()
+        self._samples = 0
+        return self.observe()
+
+    def observe(self) -> Observation:
+        """What can be seen now, as an `Observation`."""
+        points, frames, stretch = self._core.shape()
+        velocities, spins = self._core.speeds()
+        return Observation(
+            time=self.time,
+            points=points,
+            frames=with_ends(frames, self.edges),
+            stations=self._stations,
+            edges=self.edges,
+            stretch=stretch,
+            velocities=velocities,
+            spins=spins,
+        )
+
+    def step(self, levels: ActivationSource | ArrayLike | Mapping[str, float | ArrayLike], duration: float) -> Observation:
+        """Move on by `duration` under levels that are held, without a recording.
+
+        Parameters
+        ----------
+        levels : (groups,) or (groups, n) array_like, dict of str to float or (n,) array_like, or ActivationSource
+            Levels of the muscle groups of the arm's layout, by element or for all; a dict names the groups that are active;
+            a source is sampled in the plant's own time.
+        duration : float, s
+            A multiple of `sample_interval`.
+
+        Returns
+        -------
+        Observation
+            Afterwards.
+
+        Raises
+        ------
+        PlantUnstableError
+            As `advance` does.
+        OctoctrlError
+            As `advance` does.
+        """
+        source = levels if callable(getattr(levels, "levels", None)) else Held.of(levels, self.edges, layout=self.arm.layout)  # type: ignore[arg-type]
+        left = self._clock.samples(duration)
+        while left:
+            count = min(self._clock.chunk, left)
+            self._moved(self._sampled(source, count))
+            left -= count
+        return self.observe()
+
+    def advance(self, source: ActivationSource, duration: float, *, progress: Callable[[float], None] | None = None) -> Recording:
+        """Move on by `duration` under an activation, recorded.
+
+        Parameters
+        ----------
+        source : Activation, or any object with ``levels(times, edges)``
+            Levels (T, groups, n) of the groups of the arm's layout, in the plant's own time.
+        duration : float, s
+            A multiple of `sample_interval`.
+        progress : callable, optional
+            Called with the simulated seconds done, at the begin and after each chunk.
+
+        Returns
+        -------
+        Recording
+            From now to the end, both included. A KeyboardInterrupt ends it at the last chunk, with ``complete=False``.
+
+        Raises
+        ------
+        PlantUnstableError
+            If the motion diverges; carries the recording up to the last good sample. The plant goes back to the begin of the chunk in
+            which it happened, at most that many samples earlier.
+        OctoctrlError
+            If `duration` is not a multiple of the sample interval, or what `octoctrl.sim.sources.sampled` refuses.
+        """
+        samples, first = self._clock.samples(duration), self._samples
+        levels = self._sampled(source, min(self._clock.chunk, samples))
+        pieces, last, note = [self._now(levels["arm"][0])], levels["arm"][0], ""
+        try:
+            _tell(progress, 0.0)
+            while True:
+                pieces += self._moved(levels, keep=True)
+                last = levels["arm"][-1]
+                _tell(progress, (self._samples - first) * self._clock.sample)
+                left = samples - (self._samples - first)
+                if not left:
+                    break
+                levels = self._sampled(source, min(self._clock.chunk, left))
+        except KeyboardInterrupt:
+            note = f"interrupted at t={self.time:.3f} s"
+        except PlantUnstableError as error:
+            if error.recording is not None:
+                pieces.append(error.recording)
+            error.recording = _joined(pieces, str(error))
+            raise
+        if pieces[-1].time.size == 0 or pieces[-1].time[-1] < self.time - 0.5 * self._clock.sample:
+            pieces.append(self._now(last))
+        return _joined(pieces, note)
+
+    def state(self) -> State:
+        """The whole motion now, as arrays by name, to come back to with `restore`."""
+        return {**self._core.state(), "samples": np.array(self._samples)}
+
+    def restore(self, state: State) -> Observation:
+        """Go to a `state` of this plant, or of one that differs in nothing but its clock's step."""
+        self._core.restore(state)
+        self._samples = int(state["samples"])
+        return self.observe()
+
+    def save(self, path: str | Path) -> None:
+        """Write the state to an ``.npz`` file; `load` continues from it bit by bit.
+
+        Raises
+        ------
+        OctoctrlError
+            If the file's suffix is not ``.npz``.
+        """
+        if Path(path).suffix != ".npz":
+            raise OctoctrlError(f"unknown format '{Path(path).suffix}'; use .npz")
+        np.savez(path, **self.state(), **self._identity())
+
+    def load(self, path: str | Path) -> Observation:
+        """Read a state written by `save`.
+
+        Raises
+        ------
+        OctoctrlError
+            If it belongs to another model, arm, resolution or step.
+        """
+        with np.load(path) as data:
+            for name, mine in self._identity().items():
+                found = data[name] if name in data else "of another model"
+                if found != mine:
+                    raise OctoctrlError(f"{path}: state has {name}={found}, this plant {name}={mine}; make the plant as it was when saved")
+            return self.restore(data)
+
+    def _identity(self) -> dict[str, Any]:
+        return {"model": self.model, "arm": self.arm.fingerprint, **self._core.identity(), "steps": self.steps}
+
+    def _sampled(self, source: ActivationSource, count: int) -> dict[str, Floats]:
+        return sampled(source, self._clock.instants(self._samples, count), self._core.partitions, self.arm.layout)
+
+    def _moved(self, levels: dict[str, Floats], *, keep: bool = False) -> list[Recording]:
+        """Go to the end of `levels`; returns what is recorded on the way if asked to `keep` it."""
+        core, clock, first, count = self._core, self._clock, self._samples, len(levels["arm"]) - 1
+        acting = levels if self._factors is None else {name: self._factors * values for name, values in levels.items()}
+        good, pieces = core.state(), []
+        while self._samples - first < count:
+            done = self._samples - first
+            rest, before = {name: values[done:] for name, values in acting.items()}, good if not done else core.state()
+            motion = core.move(self._samples, rest, clock)
+            if keep or motion.finding:
+                pieces.append(self._piece(motion, levels["arm"][done:]))
+            moved = len(motion.points)
+            if not motion.finding:
+                self._samples += moved
+                break
+            finer = self._finer(before, rest, moved) if self._automatic else None
+            if finer is None:
+                stop = core.explain(before, self._samples, rest, motion, clock)
+                core.restore(good)
+                self._samples = first
+                kept = Recording.joined(pieces).until(stop.time - 0.5 * clock.step)
+                limit = f"predicted limit {core.limit.step:.2g} s from {core.limit.mechanism}"
+                raise PlantUnstableError.of(stop, stop.message(clock.step, limit), kept)
+            self._samples += moved
+            pieces.append(self._piece(finer, levels["arm"][done + moved : done + moved + 2]))
+            self._samples += 1
+        return pieces if keep else []
+
+    def _finer(self, before: State, levels: dict[str, Floats], moved: int) -> Motion | None:
+        """The sample that stopped after so many that `moved`, at parts of the step; None if it stops there too."""
+        core, first = self._core, self._samples + moved
+        core.restore(before)
+        if moved:
+            core.move(self._samples, {name: values[: moved + 1] for name, values in levels.items()}, self._clock)
+        sample, good = {name: values[moved : moved + 2] for name, values in levels.items()}, core.state()
+        try:
+            for parts in core.finer:
+                finer = self._clock.finer(parts)
+                core.start(finer)
+                motion = core.move(first, sample, finer)
+                if not motion.finding:
+                    self._retried += 1
+                    return motion
+                core.restore(good)
+        finally:
+            core.start(self._clock)
+        return None
+
+    def _piece(self, motion: Motion, levels: Floats) -> Recording:
+        """What is recorded of a motion that begins now, whose levels (T + 1, groups, n) begin with those of now."""
+        index = self._samples + 1 + np.arange(len(motion.points))
+        keep = index % self._clock.record == 0
+        return Recording(
+            time=index[keep] * self._clock.sample,
+            points=motion.points[keep],
+            frames=with_ends(motion.frames[keep], self.edges),
+            stations=self._stations,
+            stretch=motion.stretch[keep],
+            levels=levels[1 : len(index) + 1][keep],
+        )
+
+    def _now(self, levels: Floats) -> Recording:
+        points, frames, stretch = self._core.shape()
+        return Recording(
+            time=np.array([self.time]),
+            points=points[None],
+            frames=with_ends(frames, self.edges)[None],
+            stations=self._stations,
+            stretch=stretch[None],
+            levels=levels[None],
+        )
+
+
+def _factors(gains: Mapping[str, float], layout: MuscleLayout) -> Floats | None:
+    """Factors (groups, 1) on the levels, None if there are none."""
+    factors = np.ones((len(layout), 1))
+    for group, gain in gains.items():
+        check_number(f"gain of {group}", gain, at_least=0.0, at_most=1.0)
+        factors[layout.index(group)] = gain
+    return factors if gains else None
+
+
+def _tell(progress: Callable[[float], None] | None, seconds: float) -> None:
+    if progress is not None:
+        progress(seconds)
+
+
+def _joined(pieces: list[Recording], note: str) -> Recording:
+    return replace(Recording.joined(pieces), complete=not note, note=note)
