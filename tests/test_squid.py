@@ -103,7 +103,10 @@ def test_the_strike_is_the_fifteenth_power_of_a_raised_cosine():
             lambda: make_plant("assembly", TENTACLE, rings=72),
             "rings=72: arm 'squid-tentacle' is built of 96 rings of 24 nodes only; leave rings out",
         ),
-        (lambda: make_plant("assembly", TENTACLE, dt=2e-5), "dt=2e-05 s is outside 0…1e-05 s; use dt='auto'"),
+        (
+            lambda: make_plant("assembly", TENTACLE, dt=2e-5),
+            "dt=2e-05 s exceeds the stability bound 1e-05 s (contacts of straight rods); use dt='auto'",
+        ),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(make, sentence):
