@@ -16,18 +16,23 @@ Charles, Gazzola & Mahadevan 2019, Phys. Rev. Lett. 123:208003 (end rays of an o
 """
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import OctoctrlError, check_number
 from ..rotations import ribbon_frames
 from . import topology_kernels as kernels
+from .inputs import Direction, Floats, arm_pole, check_frames_follow, frame_series, numbers, one_curve, point_series, ribbon, unit_pole
 from .meter import Meter
-from .trace import finite_array, frame_series, point_series, unit_pole
+from .trace import TopologyConvention, TopologyTrace
+
+FOLD = 1e-12
+"""1 + cosine between two tangents below which a segment folds back on the one before."""
 
 SECTION_SHAPES = {1: "straight", 2: "planar", 3: "helical"}
 """Names of the dimensions returned by `classify_sections`."""
 
 
-def writhe(points, ray_length=1000.0):
+def writhe(points: ArrayLike, ray_length: float = 1000.0) -> float | Floats:
     """Gauss writhe of a polyline.
 
     Parameters
@@ -47,7 +52,7 @@ def writhe(points, ray_length=1000.0):
     return float(values[0]) if single else values
 
 
-def writhe_map(points, sections=None, ray_length=1000.0):
+def writhe_map(points: ArrayLike, sections: int | None = None, ray_length: float = 1000.0) -> Floats:
     """Writhe of each pair of stretches of the arm.
 
     Parameters
@@ -63,7 +68,7 @@ def writhe_map(points, sections=None, ray_length=1000.0):
     (sections, sections) or (sections + 2, sections + 2) float64, turns
         Symmetric (each pair stands there twice, by halves); its sum is the writhe. Rays have the first and last row and column.
     """
-    curve, ray_length = _one_curve(points), _checked_ray(ray_length)
+    curve, ray_length = one_curve(points), _checked_ray(ray_length)
     count, directions = curve.shape[0] - 1, _end_directions(curve[None])[0]
     nodes = np.empty((3, count + 3))
     used = kernels.extend(curve, directions[0], directions[1], ray_length * kernels.polyline_length(curve), nodes)
@@ -76,7 +81,7 @@ def writhe_map(points, sections=None, ray_length=1000.0):
     return np.add.reduceat(np.add.reduceat(pairs, starts, axis=0), starts, axis=1)
 
 
-def writhe_density(points, ray_length=1000.0):
+def writhe_density(points: ArrayLike, ray_length: float = 1000.0) -> Floats:
     """Writhe of each segment: its share of the double sum.
 
     Parameters
@@ -99,7 +104,7 @@ def writhe_density(points, ray_length=1000.0):
     return density
 
 
-def link(points, normals, radius, ray_length=1000.0):
+def link(points: ArrayLike, normals: ArrayLike, radius: ArrayLike, ray_length: float = 1000.0) -> float:
     """Link of a centreline and the curve beside it, by the double sum over all segment pairs: the referee of the other measures.
 
     Parameters
@@ -110,32 +115,28 @@ def link(points, normals, radius, ray_length=1000.0):
     radius : float or (n,) array_like
         Distance of the second curve, in the unit of the points; small against the gap between neighbouring loops.
     ray_length : float, lengths of the polyline
-        Both curves continue along the first and last segment of the centreline; 0 for no rays.
+        Both curves continue along the first and last segment of the centreline; 0 for no rays. A polyline whose last point equals its
+        first is then a closed curve, and so is the curve beside it: link is a whole number.
 
     Returns
     -------
     float, turns
     """
-    curve, directors = _ribbon(points, normals)
-    radii = np.asarray(radius, dtype=float)
-    if radii.shape not in ((), (curve.shape[0] - 1,)) or not np.isfinite(radii).all() or np.any(radii <= 0.0):
-        raise OctoctrlError(f"radius has shape {radii.shape}; a positive number or one per segment ({curve.shape[0] - 1},) is needed")
-    tangents = np.diff(curve, axis=0)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    directors = directors - np.sum(directors * tangents, axis=1, keepdims=True) * tangents
-    sizes = np.linalg.norm(directors, axis=1, keepdims=True)
-    if np.any(sizes == 0.0):
-        raise OctoctrlError(f"normal {int(np.argmin(sizes))} is parallel to its segment; give a direction across the arm")
-    offsets = np.broadcast_to(radii, tangents.shape[:1])[:, None] * directors / sizes
-    beside = curve + np.concatenate([offsets[:1], offsets])
+    curve, tangents, directors = ribbon(points, normals)
+    radii = numbers("radius", radius)
+    if radii.shape not in ((), (curve.shape[0] - 1,)) or np.any(radii <= 0.0):
+        raise OctoctrlError(f"radius is {radius!r}; a positive number or one per segment ({curve.shape[0] - 1},) is needed")
     ray = _checked_ray(ray_length) * kernels.polyline_length(curve)
+    offsets = np.broadcast_to(radii, tangents.shape[:1])[:, None] * directors
+    start = offsets[-1:] if ray == 0.0 and _is_closed(curve) else offsets[:1]
+    beside = curve + np.concatenate([start, offsets])
     first, second = np.empty((2, 3, curve.shape[0] + 2))
     count = kernels.extend(curve, tangents[0], tangents[-1], ray, first)
     kernels.extend(beside, tangents[0], tangents[-1], ray, second)
     return float(kernels.link_of_curves(first[:, :count], second[:, :count]))
 
 
-def twist(points, normals):
+def twist(points: ArrayLike, normals: ArrayLike) -> float:
     """Twist of a ribbon: the rotation of its normals about the centreline beyond parallel transport.
 
     Parameters
@@ -147,15 +148,27 @@ def twist(points, normals):
     Returns
     -------
     float, turns
-        From the first to the last segment: a straight arm with uniform twist gives (n-1)/n of it. Less than half a turn per node.
+        From the first to the last segment: a straight arm with uniform twist gives (n-1)/n of it. Less than half a turn per node. Of a
+        polyline whose last point equals its first, the turn from the last segment to the first counts too.
+
+    Raises
+    ------
+    OctoctrlError
+        If two segments fold back on each other: nothing can be carried over their node.
     """
-    curve, directors = _ribbon(points, normals)
+    curve, tangents, directors = ribbon(points, normals)
+    if _is_closed(curve):
+        curve, tangents, directors = (np.concatenate([a, a[k : k + 1]]) for a, k in ((curve, 1), (tangents, 0), (directors, 0)))
+    bends = np.einsum("ij,ij->i", tangents[1:], tangents[:-1])
+    if bends.min(initial=1.0) < FOLD - 1.0:
+        node = int(np.argmin(bends))
+        raise OctoctrlError(f"segments {node} and {node + 1} fold back on each other; twist over their node has no meaning")
     steps = np.empty(curve.shape[0] - 2)
     kernels.transport_twist(curve, directors, steps)
     return float(steps.sum())
 
 
-def frame_twist(frames):
+def frame_twist(frames: ArrayLike) -> float | Floats:
     """Twist of a sequence of frames, exact where the strain between stations is constant.
 
     Parameters
@@ -172,14 +185,15 @@ def frame_twist(frames):
     return float(values[0]) if single else values
 
 
-def lifted_writhe(frames, pole=(0.0, 0.0, 1.0)):
+def lifted_writhe(frames: ArrayLike, pole: ArrayLike | None = None) -> float | Floats:
     """Writhe of the ray-closed arm as area about a fixed pole: continuous through self-crossings.
 
     Parameters
     ----------
     frames : (m, 3, 3) or (T, m, 3, 3) array_like
-    pole : (3,) array_like
-        Axis of the expected coil; d3 must stay some degrees away from its opposite.
+    pole : (3,) array_like, optional
+        Axis of the expected coil; d3 must begin some degrees away from its opposite, or a warning says so. If omitted, (0, 0, 1), or, with
+        a warning, the axis that suits the arm better.
 
     Returns
     -------
@@ -187,17 +201,18 @@ def lifted_writhe(frames, pole=(0.0, 0.0, 1.0)):
         Equal to the writhe modulo 2; a series is made continuous in time, starting from the value of its first entry.
     """
     series, single = frame_series(frames)
-    values = _frame_measures(series, unit_pole(pole))[1]
+    values = _frame_measures(series, arm_pole(series[0], pole))[1]
     return float(values[0]) if single else values
 
 
-def regional(frames, pole=(0.0, 0.0, 1.0)):
+def regional(frames: ArrayLike, pole: ArrayLike | None = None) -> tuple[Floats, Floats]:
     """Twist and lifted writhe of each step of one arm.
 
     Parameters
     ----------
     frames : (m, 3, 3) array_like
-    pole : (3,) array_like
+    pole : (3,) array_like, optional
+        As in `lifted_writhe`.
 
     Returns
     -------
@@ -208,11 +223,11 @@ def regional(frames, pole=(0.0, 0.0, 1.0)):
     if not single:
         raise OctoctrlError(f"frames has shape {series.shape}; one arm (m, 3, 3) at a time is needed here")
     turned, lifted = np.empty((2, series.shape[1] - 1))
-    kernels.frame_steps(series[0], np.array(unit_pole(pole)), turned, lifted)
+    kernels.frame_steps(series[0], np.array(arm_pole(series[0], pole)), turned, lifted)
     return turned, lifted
 
 
-def measure(time, points, frames, convention=None):
+def measure(time: ArrayLike, points: ArrayLike, frames: ArrayLike, convention: TopologyConvention | None = None) -> TopologyTrace:
     """Measure a recorded run.
 
     Parameters
@@ -224,6 +239,7 @@ def measure(time, points, frames, convention=None):
         Rows d1, d2, d3 at m stations from base to tip. With m = n + 2 (base, element centres, tip) those of the elements are first
         turned onto the edges between the nodes: a sheared rod's d3 is not its tangent, and link is that of the centreline's ribbon.
     convention : TopologyConvention, optional
+        If omitted, the default one, with a pole that suits the arm as in `lifted_writhe`; the trace carries it.
 
     Returns
     -------
@@ -231,13 +247,18 @@ def measure(time, points, frames, convention=None):
         Writhe is the Gauss sum over the nodes, with rays along the first and last d3; twist and link are those of the frames alone,
         so that the residual compares two independent measurements. A residual beyond 0.02 turns means that the arm is under-resolved
         or touches itself.
+
+    Raises
+    ------
+    OctoctrlError
+        If an array has the wrong shape or is degenerate, time does not increase, or d3 does not follow the points.
     """
     meter = Meter(convention)
     meter.extend(time, points, frames)
     return meter.trace
 
 
-def present(points, frames, pole=(0.0, 0.0, 1.0)):
+def present(points: ArrayLike, frames: ArrayLike, pole: ArrayLike = (0.0, 0.0, 1.0)) -> tuple[float, float]:
     """Twist and lifted writhe of one instant, as `measure` finds them but for the branch of writhe.
 
     Parameters
@@ -252,12 +273,14 @@ def present(points, frames, pole=(0.0, 0.0, 1.0)):
     (float, float), turns
         Lifted writhe modulo 2.
     """
-    series = ribbon_frames(point_series(points)[0], frame_series(frames)[0])
+    curve, arm = one_curve(points)[None], frame_series(frames)[0]
+    check_frames_follow(curve, arm)
+    series = ribbon_frames(curve, arm)
     turned, lifted, _ = _frame_measures(series, unit_pole(pole))
     return float(turned[0]), float(lifted[0])
 
 
-def sucker_orientation(frames, azimuth, least_bend=1e-6):
+def sucker_orientation(frames: ArrayLike, azimuth: float, least_bend: float = 1e-6) -> float | Floats:
     """Tell how far the arm bends toward its suckers: 1 with suckers inside every bend, -1 outside.
 
     Parameters
@@ -284,7 +307,7 @@ def sucker_orientation(frames, azimuth, least_bend=1e-6):
     return float(values[0]) if single else values
 
 
-def classify_sections(frames, sections=8, least_angle=0.1):
+def classify_sections(frames: ArrayLike, sections: int = 8, least_angle: float = 0.1) -> NDArray[np.int64]:
     """Tell which stretches of the arm are straight (1), bent in a plane (2) or helical (3).
 
     Parameters
@@ -314,7 +337,9 @@ def classify_sections(frames, sections=8, least_angle=0.1):
     return dimension[0] if single else dimension
 
 
-def packet_position(frames, arclength, smoothing=0.02, window=(0.0, 1.0)):
+def packet_position(
+    frames: ArrayLike, arclength: ArrayLike, smoothing: float = 0.02, window: tuple[float, float] = (0.0, 1.0)
+) -> tuple[float, float] | tuple[Floats, Floats]:
     """Find the packet of bending: where curvature is greatest.
 
     Parameters
@@ -335,8 +360,8 @@ def packet_position(frames, arclength, smoothing=0.02, window=(0.0, 1.0)):
         Height of that vertex.
     """
     series, single = frame_series(frames)
-    stations = np.asarray(arclength, dtype=float)
-    if stations.shape != series.shape[1:2] or not np.isfinite(stations).all() or np.any(np.diff(stations) <= 0.0):
+    stations, edges = numbers("arclength", arclength), numbers("window", window)
+    if stations.shape != series.shape[1:2] or np.any(np.diff(stations) <= 0.0):
         raise OctoctrlError(f"arclength needs {series.shape[1]} increasing values, one per frame; found shape {stations.shape}")
     check_number("smoothing", smoothing, at_least=0.0, below=1.0, unit="arm lengths")
     length, steps = stations[-1] - stations[0], np.diff(stations)
@@ -345,56 +370,48 @@ def packet_position(frames, arclength, smoothing=0.02, window=(0.0, 1.0)):
     if smoothing > 0.0:
         weight = np.exp(-0.5 * ((middle[:, None] - middle[None, :]) / (smoothing * length)) ** 2) * steps
         curvature = curvature @ (weight / weight.sum(axis=1, keepdims=True)).T
-    low, high = (stations[0] + float(edge) * length for edge in window)
+    if edges.shape != (2,):
+        raise OctoctrlError(f"window is {window!r}; two numbers are needed, begin and end in arm lengths")
+    low, high = stations[0] + edges * length
     inside = np.flatnonzero((middle >= low) & (middle <= high))
     if inside.size == 0:
-        raise OctoctrlError(f"window {tuple(window)} holds no station; it must cover part of 0…1 arm lengths")
+        raise OctoctrlError(f"window {window!r} holds no station; it must cover part of 0…1 arm lengths")
     position, height = np.empty((2, series.shape[0]))
     kernels.parabola_peaks(middle, curvature, inside[0], inside[-1], position, height)
     position[height <= 1e-9 / length] = np.nan
     return (float(position[0]), float(height[0])) if single else (position, height)
 
 
-def _frame_measures(series, pole):
-    """Return twist, lifted writhe made continuous in time, and 1 + t_tip . t_base of a series of frames."""
-    turned, lifted, opening = np.empty((3, series.shape[0]))
-    kernels.frame_series(series, np.array(pole), turned, lifted, opening)
-    kernels.unwrap_by_two(lifted, lifted[0], 0.0)
-    return turned, lifted, opening
+def _frame_measures(series: Floats, pole: Direction) -> Floats:
+    """Return twist, lifted writhe made continuous in time, and 1 + t_tip . t_base of a series of frames, (3, T)."""
+    measured = np.empty((3, series.shape[0]))
+    kernels.frame_series(series, np.array(pole), *measured)
+    kernels.unwrap_by_two(measured[1], measured[1, 0], 0.0)
+    return measured
 
 
-def _bending(series):
+def _bending(series: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the first two components of the rotation vectors between frames, (T, m-1) each, and their size."""
     rotation = np.empty((series.shape[0], series.shape[1] - 1, 3))
     kernels.frame_rotations(series, rotation)
     return rotation[..., 0], rotation[..., 1], np.hypot(rotation[..., 0], rotation[..., 1])
 
 
-def _end_directions(series):
-    ends = np.stack([series[:, 1] - series[:, 0], series[:, -1] - series[:, -2]], axis=1)
+def _end_directions(series: Floats) -> Floats:
+    ends: Floats = np.stack([series[:, 1] - series[:, 0], series[:, -1] - series[:, -2]], axis=1)
     return ends / np.linalg.norm(ends, axis=2, keepdims=True)
 
 
-def _section_starts(count, sections):
+def _section_starts(count: int, sections: int) -> NDArray[np.int64]:
     if isinstance(sections, bool) or not isinstance(sections, int | np.integer) or not 1 <= sections <= count:
         raise OctoctrlError(f"sections={sections!r}; a whole number from 1 to {count} is needed")
-    return (np.arange(sections) * count) // sections
+    return (np.arange(sections, dtype=np.int64) * count) // sections
 
 
-def _checked_ray(ray_length):
+def _checked_ray(ray_length: float) -> float:
     check_number("ray_length", ray_length, at_least=0.0, at_most=1e6, unit="arm lengths")
     return float(ray_length)
 
 
-def _one_curve(points):
-    series, single = point_series(points)
-    if not single:
-        raise OctoctrlError(f"points has shape {series.shape}; one curve (n+1, 3) at a time is needed here")
-    return series[0]
-
-
-def _ribbon(points, normals):
-    curve, directors = _one_curve(points), finite_array("normals", normals)
-    if directors.shape != (curve.shape[0] - 1, 3):
-        raise OctoctrlError(f"normals has shape {directors.shape}; one per segment, ({curve.shape[0] - 1}, 3), is needed")
-    return curve, directors
+def _is_closed(curve: Floats) -> bool:
+    return bool(np.array_equal(curve[0], curve[-1]))

@@ -3,13 +3,16 @@
 Writhe is unwrapped in time from the last instant of the piece before, so that pieces give the same bits as the whole at once.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import OctoctrlError
 from ..rotations import ribbon_frames
 from . import topology_kernels as kernels
-from .trace import UTURN_LIMIT, TopologyConvention, TopologyTrace, finite_array, frame_series, point_series
+from .inputs import arm_pole, check_frames_follow, frame_series, numbers, point_series
+from .trace import UTURN_LIMIT, TopologyConvention, TopologyTrace
 
 
 class Meter:
@@ -18,6 +21,7 @@ class Meter:
     Parameters
     ----------
     convention : TopologyConvention, optional
+        If omitted, the default one, with a pole that suits the first instant as in `octoctrl.sim.topology.measures.lifted_writhe`.
 
     Raises
     ------
@@ -26,10 +30,10 @@ class Meter:
     """
 
     def __init__(self, convention: TopologyConvention | None = None) -> None:
-        convention = TopologyConvention() if convention is None else convention
-        if not isinstance(convention, TopologyConvention):
+        if convention is not None and not isinstance(convention, TopologyConvention):
             raise OctoctrlError(f"convention: expected a TopologyConvention, found {type(convention).__name__}")
-        self._convention = convention
+        self._asked = None if convention is None else convention.pole
+        self._convention = TopologyConvention() if convention is None else convention
         self._rows = np.empty((5, 0))  # time, Gauss writhe, twist, lifted writhe, 1 + t_tip . t_base
         self._shift = 0.0
 
@@ -46,9 +50,11 @@ class Meter:
         Raises
         ------
         OctoctrlError
-            If the numbers of samples differ, or what `measure` refuses.
+            If an array has the wrong shape or is degenerate, the numbers of samples differ, or d3 does not follow the points.
         """
-        instants = np.atleast_1d(finite_array("time", time))
+        instants = np.atleast_1d(numbers("time", time))
+        if instants.ndim != 1:
+            raise OctoctrlError(f"time has shape {instants.shape}; one value per time is needed")
         known = int(np.searchsorted(instants, self._rows[0, -1] + 1e-12, side="right")) if self._rows.shape[1] else 0
         if known == instants.size:
             return
@@ -57,6 +63,10 @@ class Meter:
         curves, series = point_series(points)[0], frame_series(frames)[0]
         if not (instants.size == len(curves) == len(series)):
             raise OctoctrlError(f"time has {instants.size} samples, points {len(curves)}, frames {len(series)}; they must agree")
+        check_frames_follow(curves, series)
+        if not self._rows.shape[1]:
+            pole = arm_pole(series[0], self._asked)
+            self._convention = self._convention if self._asked else replace(self._convention, pole=pole)
         rows = np.empty((5, instants.size))
         rows[0] = instants
         _, gauss, turned, lifted, opening = rows

@@ -19,15 +19,18 @@ product passes the negative real axis; one arctangent per block remains.
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler import kernel
+
+Floats = NDArray[np.float64]
 
 BLOCK = 64
 """Factors per arctangent: each has modulus above 0.7, hence a product never gets near underflow."""
 
 
 @kernel
-def _distances(x, y, z, px, py, pz, out):
+def _distances(x: Floats, y: Floats, z: Floats, px: float, py: float, pz: float, out: Floats) -> None:
     """Write the distances from (px, py, pz) to the nodes into `out` (nodes,)."""
     for j in range(x.size):
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
@@ -35,7 +38,22 @@ def _distances(x, y, z, px, py, pz, out):
 
 
 @kernel
-def _pair_factors(x, y, z, ax, ay, az, bx, by, bz, near, far, real, imaginary, volume):
+def _pair_factors(
+    x: Floats,
+    y: Floats,
+    z: Floats,
+    ax: float,
+    ay: float,
+    az: float,
+    bx: float,
+    by: float,
+    bz: float,
+    near: Floats,
+    far: Floats,
+    real: Floats,
+    imaginary: Floats,
+    volume: Floats,
+) -> None:
     """Write (e1 + iv)(e2 + iv), scaled, of segment (a -> b) against every segment of a polyline.
 
     `near` and `far` (nodes,) hold the distances of the nodes to a and to b; `real`, `imaginary` and `volume` (segments,) are written.
@@ -75,7 +93,7 @@ def _pair_factors(x, y, z, ax, ay, az, bx, by, bz, near, far, real, imaginary, v
 
 
 @kernel
-def _summed_argument(real, imaginary):
+def _summed_argument(real: Floats, imaginary: Floats) -> float:
     """Return the sum of the arguments of complex numbers of modulus 0.7 to 1, each argument in (-pi, pi)."""
     total = 0.0
     windings = 0
@@ -94,7 +112,7 @@ def _summed_argument(real, imaginary):
 
 
 @kernel
-def extend(points, first_direction, last_direction, ray, nodes):
+def extend(points: Floats, first_direction: Floats, last_direction: Floats, ray: float, nodes: Floats) -> int:
     """Write coordinates of a polyline with its two end rays into `nodes` (3, n+3), or (3, n+1) if `ray` is 0; return the count.
 
     `ray` is a length in the unit of the points; the directions (3,) point along the curve at its first and last point.
@@ -111,7 +129,7 @@ def extend(points, first_direction, last_direction, ray, nodes):
 
 
 @kernel
-def polyline_length(points):
+def polyline_length(points: Floats) -> float:
     """Return the length of a polyline (n+1, 3)."""
     length = 0.0
     for i in range(points.shape[0] - 1):
@@ -121,13 +139,13 @@ def polyline_length(points):
 
 
 @kernel
-def _is_loop(nodes, count):
+def _is_loop(nodes: Floats, count: int) -> int:
     """Return 1 if the last node lies exactly on the first, else 0."""
     return int(nodes[0, 0] == nodes[0, count - 1] and nodes[1, 0] == nodes[1, count - 1] and nodes[2, 0] == nodes[2, count - 1])
 
 
 @kernel(nogil=True)
-def writhe_series(points, directions, ray_length, out):
+def writhe_series(points: Floats, directions: Floats, ray_length: float, out: Floats) -> None:
     """Write the Gauss writhe of every polyline of a series.
 
     Parameters
@@ -165,7 +183,7 @@ def writhe_series(points, directions, ray_length, out):
 
 
 @kernel
-def pair_matrix(nodes, count, out):
+def pair_matrix(nodes: Floats, count: int, out: Floats) -> None:
     """Write half the writhe of every pair of segments into either place of `out` (segments, segments); its sum is the writhe.
 
     `nodes` (3, count) as left by `extend`.
@@ -191,7 +209,7 @@ def pair_matrix(nodes, count, out):
 
 
 @kernel
-def link_of_curves(first, second):
+def link_of_curves(first: Floats, second: Floats) -> float:
     """Return the Gauss linking integral of two polylines (3, nodes of the first) and (3, nodes of the second) in turns."""
     x, y, z = second[0], second[1], second[2]
     ax, ay, az = first[0], first[1], first[2]
@@ -208,7 +226,7 @@ def link_of_curves(first, second):
 
 
 @kernel
-def transport_twist(points, normals, out):
+def transport_twist(points: Floats, normals: Floats, out: Floats) -> None:
     """Write the twist at each interior node into `out` (n-1,), in turns within (-1/2, 1/2].
 
     The normal of segment k is carried over the node by the smallest rotation that takes tangent k to tangent k+1
@@ -235,7 +253,7 @@ def transport_twist(points, normals, out):
 
 
 @kernel
-def _rotation_quaternion(a, b):
+def _rotation_quaternion(a: Floats, b: Floats) -> tuple[float, float, float, float]:
     """Return the quaternion (scalar part >= 0) of a b^T, the rotation of frame b relative to frame a in material components."""
     m00 = a[0, 0] * b[0, 0] + a[0, 1] * b[0, 1] + a[0, 2] * b[0, 2]
     m01 = a[0, 0] * b[1, 0] + a[0, 1] * b[1, 1] + a[0, 2] * b[1, 2]
@@ -263,7 +281,7 @@ def _rotation_quaternion(a, b):
 
 
 @kernel
-def frame_rotations(frames, out):
+def frame_rotations(frames: Floats, out: Floats) -> None:
     """Write the rotation vectors (T, m-1, 3), rad, between successive frames (T, m, 3, 3) in material components."""
     for k in range(frames.shape[0]):
         for i in range(frames.shape[1] - 1):
@@ -274,7 +292,7 @@ def frame_rotations(frames, out):
 
 
 @kernel
-def pole_area(pole, a, b):
+def pole_area(pole: Floats, a: Floats, b: Floats) -> float:
     """Return the signed area of the spherical triangle (pole, a, b), rad, in (-2 pi, 2 pi]."""
     ab = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     ap = a[0] * pole[0] + a[1] * pole[1] + a[2] * pole[2]
@@ -284,7 +302,7 @@ def pole_area(pole, a, b):
 
 
 @kernel
-def frame_steps(frames, pole, twist, lifted):
+def frame_steps(frames: Floats, pole: Floats, twist: Floats, lifted: Floats) -> float:
     """Write twist and lifted writhe of each step between frames, (m-1,) each; return the closure area in turns.
 
     Twist is exact for constant strain between frames. The link of a step is its pole area plus the rotation about d3 left after the
@@ -302,7 +320,7 @@ def frame_steps(frames, pole, twist, lifted):
 
 
 @kernel(nogil=True)
-def frame_series(frames, pole, twist, lifted, opening):
+def frame_series(frames: Floats, pole: Floats, twist: Floats, lifted: Floats, opening: Floats) -> None:
     """Write twist, lifted writhe (not unwrapped in time) and 1 + t_tip . t_base of each of a series of frames (T, m, 3, 3)."""
     steps = frames.shape[1] - 1
     step_twist, step_lifted = np.empty(steps), np.empty(steps)
@@ -315,7 +333,7 @@ def frame_series(frames, pole, twist, lifted, opening):
 
 
 @kernel
-def unwrap_by_two(values, before, shift):
+def unwrap_by_two(values: Floats, before: float, shift: float) -> float:
     """Remove jumps by multiples of 2 from a series in place, which continues from `before`, `shift` having been added so far.
 
     Returns the new shift, so that a series in pieces gives the same bits as the whole.
@@ -329,7 +347,7 @@ def unwrap_by_two(values, before, shift):
 
 
 @kernel
-def parabola_peaks(places, values, low, high, position, height):
+def parabola_peaks(places: Floats, values: Floats, low: int, high: int, position: Floats, height: Floats) -> None:
     """Write the vertex of the parabola through the greatest of values[:, low..high] and its two neighbours, for each row (T,).
 
     A greatest value at either end of `places` (stations,) is its own vertex.

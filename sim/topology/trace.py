@@ -4,11 +4,16 @@ Only NumPy here: planned and simulated traces are the same type, whoever made th
 """
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import OctoctrlError, check_choice, check_number
 from ..records import Record
+from .inputs import AXES, Direction, Floats, numbers, unit_pole
+
+Integers = NDArray[np.int64]
 
 UTURN_LIMIT = 0.15
 """Below this value of 1 + t_tip . t_base the two end rays nearly coincide and writhe is decided by noise."""
@@ -31,72 +36,15 @@ class TopologyConvention:
         Length of the rays; 10 arm lengths (the published treatment) cost up to 0.004 turns in coils, 1000 cost nothing.
     """
 
-    pole: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    pole: Direction = AXES[0]
     closure: str = "rays"
     ray_length: float = 1000.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "pole", unit_pole(self.pole))
         check_choice("closure", self.closure, ("rays",))
         check_number("ray_length", self.ray_length, above=0.0, at_most=1e6, unit="arm lengths")
         object.__setattr__(self, "ray_length", float(self.ray_length))
-
-
-def unit_pole(pole):
-    """Return a direction as a tuple of three floats of unit length.
-
-    Raises
-    ------
-    OctoctrlError
-        If `pole` is not three finite numbers of which one is not zero.
-    """
-    try:
-        vector = np.array(pole, dtype=float)
-    except (TypeError, ValueError):
-        vector = np.empty(0)
-    size = np.linalg.norm(vector)
-    if vector.shape != (3,) or not np.isfinite(size) or size == 0.0:
-        raise OctoctrlError(f"pole is {pole!r}; three finite numbers are needed, not all zero, for example (0, 0, 1)")
-    return tuple((vector / size).tolist())
-
-
-def finite_array(name, values):
-    """Return `values` as a contiguous float64 array, all finite, or say what is wrong with it."""
-    try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise OctoctrlError(f"{name}: expected an array of numbers, found {type(values).__name__}") from None
-    if not np.isfinite(array).all():
-        place = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
-        raise OctoctrlError(f"{name} is {array[place]} at {place}; finite numbers are needed")
-    return array
-
-
-def point_series(points):
-    """Return nodes as (T, n+1, 3), and whether they came as one curve (n+1, 3)."""
-    array = finite_array("points", points)
-    if array.ndim not in (2, 3) or array.shape[-1] != 3 or array.shape[-2] < 2 or array.shape[0] < 1:
-        raise OctoctrlError(f"points has shape {array.shape}; (n+1, 3) or (T, n+1, 3) with at least 2 nodes is needed")
-    series = array[None] if array.ndim == 2 else array
-    repeated = np.argwhere(~np.any(np.diff(series, axis=1) != 0.0, axis=2))
-    if repeated.size:
-        frame, node = repeated[0]
-        raise OctoctrlError(f"nodes {node} and {node + 1} of frame {frame} coincide; every segment needs a length")
-    return series, array.ndim == 2
-
-
-def frame_series(frames):
-    """Return frames as (T, m, 3, 3), and whether they came as one arm (m, 3, 3)."""
-    array = finite_array("frames", frames)
-    if array.ndim not in (3, 4) or array.shape[-2:] != (3, 3) or array.shape[-3] < 2 or array.shape[0] < 1:
-        raise OctoctrlError(f"frames has shape {array.shape}; (m, 3, 3) or (T, m, 3, 3) with at least 2 stations is needed")
-    series = array[None] if array.ndim == 3 else array
-    error = np.abs(series @ series.swapaxes(-1, -2) - np.eye(3)).max()
-    if error > 1e-4:
-        raise OctoctrlError(f"frames are off orthonormal by {error:.1e}; rows must be unit vectors at right angles to 1e-4")
-    if np.linalg.det(series).min() < 0.0:
-        raise OctoctrlError("frames are left-handed; d3 must be d1 x d2")
-    return series, array.ndim == 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -125,17 +73,17 @@ class TopologyTrace(Record):
         Pole, closure, ray length.
     """
 
-    time: np.ndarray
-    link: np.ndarray
-    writhe: np.ndarray
-    twist: np.ndarray
-    lifted_writhe: np.ndarray
-    crossings: np.ndarray
-    uturn: np.ndarray
-    residual: np.ndarray
+    time: Floats
+    link: Floats
+    writhe: Floats
+    twist: Floats
+    lifted_writhe: Floats
+    crossings: Integers
+    uturn: NDArray[np.bool_]
+    residual: Floats
     convention: TopologyConvention = TopologyConvention()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in _FLOAT_SERIES:
             _store(self, name, getattr(self, name), np.float64)
         _store(self, "crossings", self.crossings, np.int64)
@@ -152,7 +100,16 @@ class TopologyTrace(Record):
             raise OctoctrlError(f"time goes from {self.time[worst]:g} s to {self.time[worst + 1]:g} s; it must increase")
 
     @classmethod
-    def from_lifted(cls, *, time, lifted_writhe, twist, crossings=None, uturn=None, convention=None):
+    def from_lifted(
+        cls,
+        *,
+        time: ArrayLike,
+        lifted_writhe: ArrayLike,
+        twist: ArrayLike,
+        crossings: ArrayLike | None = None,
+        uturn: ArrayLike | None = None,
+        convention: TopologyConvention | None = None,
+    ) -> "TopologyTrace":
         """Make a trace from the smooth quantities alone, as a planner predicts them.
 
         Parameters
@@ -171,30 +128,30 @@ class TopologyTrace(Record):
         TopologyTrace
             With writhe = lifted writhe - 2 crossings, link = writhe + twist, residual 0.
         """
-        time, lifted_writhe, twist = (np.asarray(values, dtype=float) for values in (time, lifted_writhe, twist))
-        if lifted_writhe.shape != time.shape or twist.shape != time.shape:
-            raise OctoctrlError(f"lifted_writhe and twist need {time.size} samples as time has")
-        count = np.zeros(time.shape, dtype=np.int64) if crossings is None else np.asarray(crossings)
-        if count.shape != time.shape:
-            raise OctoctrlError(f"crossings has {count.size} samples, but time has {time.size}")
+        when, lifted, turned = numbers("time", time), numbers("lifted_writhe", lifted_writhe), numbers("twist", twist)
+        count: Any = numbers("crossings", np.zeros(when.shape) if crossings is None else crossings)
+        flags: Any = np.zeros(when.shape, dtype=bool) if uturn is None else uturn
+        for name, values in (("lifted_writhe", lifted), ("twist", turned), ("crossings", count)):
+            if values.shape != when.shape:
+                raise OctoctrlError(f"{name} has shape {values.shape}, but time {when.shape}; one value per time is needed")
         return cls(
-            time=time,
-            link=lifted_writhe - 2 * count + twist,
-            writhe=lifted_writhe - 2 * count,
-            twist=twist,
-            lifted_writhe=lifted_writhe,
+            time=when,
+            link=lifted - 2 * count + turned,
+            writhe=lifted - 2 * count,
+            twist=turned,
+            lifted_writhe=lifted,
             crossings=count,
-            uturn=np.zeros(time.shape, dtype=bool) if uturn is None else uturn,
-            residual=np.zeros(time.shape),
+            uturn=flags,
+            residual=np.zeros(when.shape),
             convention=TopologyConvention() if convention is None else convention,
         )
 
     @property
-    def lifted_link(self):
+    def lifted_link(self) -> Floats:
         """Lifted writhe plus twist (T,), turns."""
         return self.lifted_writhe + self.twist
 
-    def at(self, time):
+    def at(self, time: ArrayLike) -> "TopologyTrace":
         """Interpolate linearly to other times.
 
         Writhe and link are interpolated without their jumps, which are put back at the crossing count of the nearest sample, so that no
@@ -215,9 +172,11 @@ class TopologyTrace(Record):
         OctoctrlError
             If a time lies outside the trace.
         """
-        wanted = np.atleast_1d(np.asarray(time, dtype=float))
+        wanted = np.atleast_1d(numbers("time", time))
+        if wanted.ndim != 1 or wanted.size == 0:
+            raise OctoctrlError(f"time has shape {wanted.shape}; one or more times are needed")
         slack = 1e-9 * max(1.0, abs(self.time[0]), abs(self.time[-1]))  # rounding of arange and the like
-        if wanted.size and not (wanted.min() >= self.time[0] - slack and wanted.max() <= self.time[-1] + slack):
+        if not (wanted.min() >= self.time[0] - slack and wanted.max() <= self.time[-1] + slack):
             raise OctoctrlError(
                 f"time {wanted.min():g}…{wanted.max():g} s is outside the trace, which covers {self.time[0]:g}…{self.time[-1]:g} s"
             )
@@ -226,7 +185,7 @@ class TopologyTrace(Record):
         nearest = np.where(wanted - self.time[left] <= self.time[right] - wanted, left, right)
         count = self.crossings[nearest]
 
-        def smooth(values):
+        def smooth(values: Floats) -> Floats:
             return np.interp(wanted, self.time, values)
 
         flagged = (self.uturn[left] & (wanted < self.time[right])) | (self.uturn[right] & (wanted > self.time[left]))
@@ -242,7 +201,7 @@ class TopologyTrace(Record):
             residual=smooth(self.residual),
         )
 
-    def slice(self, start, stop):
+    def slice(self, start: float, stop: float) -> "TopologyTrace":
         """Return the samples from time `start` to time `stop`, both included.
 
         Parameters
@@ -260,12 +219,14 @@ class TopologyTrace(Record):
         OctoctrlError
             If no sample lies in the interval.
         """
+        check_number("start", start, unit="s")
+        check_number("stop", stop, unit="s")
         inside = (self.time >= start) & (self.time <= stop)
         if not inside.any():
             raise OctoctrlError(f"no sample lies in {start:g}…{stop:g} s; the trace covers {self.time[0]:g}…{self.time[-1]:g} s")
         return replace(self, **{f.name: getattr(self, f.name)[inside] for f in fields(self) if f.name != "convention"})
 
-    def net_crossings(self, hysteresis_turns=0.2, hysteresis_time=0.2):
+    def net_crossings(self, hysteresis_turns: float = 0.2, hysteresis_time: float = 0.2) -> Integers:
         """Count self-crossings without the dither near a planar spiral.
 
         A change of the count is accepted once it has persisted for `hysteresis_time` and lifted writhe has meanwhile
@@ -305,7 +266,7 @@ class TopologyTrace(Record):
                 began = began + int(later[-1]) + 1 if count != accepted else -1
         return net
 
-    def level_times(self, quantity, levels, *, for_good=True):
+    def level_times(self, quantity: str, levels: ArrayLike, *, for_good: bool = True) -> Floats:
         """Return the times at which a quantity passes given levels.
 
         Parameters
@@ -325,8 +286,11 @@ class TopologyTrace(Record):
         names = ("lifted_writhe", "twist", "lifted_link", "writhe", "link", "crossings", "residual")
         check_choice("quantity", quantity, names)
         values = np.asarray(getattr(self, quantity), dtype=float)
-        times = np.full(np.atleast_1d(levels).size, np.nan)
-        for k, level in enumerate(np.atleast_1d(np.asarray(levels, dtype=float))):
+        wanted = np.atleast_1d(numbers("levels", levels))
+        if wanted.ndim != 1:
+            raise OctoctrlError(f"levels has shape {wanted.shape}; one level or a list of them is needed")
+        times = np.full(wanted.size, np.nan)
+        for k, level in enumerate(wanted):
             offset = values - level
             side = np.where(offset > 0.0, 1, np.where(offset < 0.0, -1, 0))
             if side[0] == 0:  # a start exactly on the level belongs to the side opposite to where it goes
@@ -342,9 +306,9 @@ class TopologyTrace(Record):
         return times
 
 
-def _store(trace, name, values, dtype):
+def _store(trace: TopologyTrace, name: str, values: ArrayLike, dtype: type[np.generic]) -> None:
     """Keep `values` as a read-only one-dimensional array of the trace."""
-    array = finite_array(name, values)
+    array = numbers(name, values)
     if array.ndim != 1:
         raise OctoctrlError(f"{name} has shape {array.shape}; one value per time is needed")
     stored = array.astype(dtype)
