@@ -8,7 +8,7 @@ import numpy as np
 import plain_topology
 import pytest
 from scipy.spatial.transform import Rotation
-from verdict_scenes import EDGES, END, GOALS, RECORDED, Motion, bump, moved, plan_of, recording_of, run_of
+from verdict_scenes import EDGES, END, GOALS, RECORDED, Motion, bump, moved, plan_of, recording_of, run_of, waiting
 
 from octoctrl.carrying.results import Check, ExecutionStatus, Verdict, VerdictStatus, VerificationFailedError
 from octoctrl.judging.verification import Limits, verify
@@ -60,7 +60,7 @@ def asking(phase, goal):
 
 FAILING = {
     "unfinished_phases": lambda: without_last_event(carried_out()),
-    "unstable": lambda: carried_out(status=ExecutionStatus.UNSTABLE),
+    "stopped": lambda: carried_out(status=ExecutionStatus.UNSTABLE),
     "store.twist": lambda: asking("store", goal("twist", value=-0.5, tolerance=0.09)),
     "curl.lifted_writhe": lambda: asking("curl", goal("lifted_writhe", value=-0.9, tolerance=0.1)),
     "cross.lifted_link": lambda: asking("cross", goal("lifted_link", value=-1.8, tolerance=0.15)),
@@ -78,6 +78,7 @@ PASSING = {
     "as planned": carried_out,
     "a little off": lambda: carried_out(replace(twisted(0.3, 4.4, 0.01), bend=bump(PLANNED.bend, 1.0, 4.9, 0.01))),
     "a little off the other way": lambda: carried_out(replace(twisted(0.3, 4.4, -0.01), bend=bump(PLANNED.bend, 1.0, 4.9, -0.01))),
+    "a phase that waits": lambda: waiting(plan_of(PLANNED), twisted(0.7, 2.6, 0.02)),
     "late phases": lambda: late(carried_out(replace(twisted(0.7, 2.6, 0.02), stretch=((0.0, 1.0), (2.5, 0.952))))),
 }
 
@@ -89,12 +90,12 @@ def late(run):
 
 def plain_reading(run):
     """All checks by hand: dict of name to value and limit."""
-    found, plan, times = plain_topology.read(run.recording), run.plan, run.recording.time
-    planned = {name: np.interp(times, plan.trace.time, getattr(plan.trace, name)) for name in ("twist", "lifted_writhe")}
+    found, plan, times, clock = plain_topology.read(run.recording), run.plan, run.recording.time, run.clock
+    planned = {name: np.interp(clock, plan.trace.time, getattr(plan.trace, name)) for name in ("twist", "lifted_writhe")}
     begins, ends = [*EDGES.values(), END], {event.phase: event.actual for event in run.events}
     values = {
         "unfinished_phases": (4 - len(run.events), 0),
-        "unstable": (1 if run.status is ExecutionStatus.UNSTABLE else 0, 0),
+        "stopped": (0 if run.status.name == "FINISHED" else 1, 0),
     }
     for phase in plan.task.phases:
         for wanted in phase.goals:
@@ -107,13 +108,13 @@ def plain_reading(run):
     for name in ("lifted_writhe", "twist"):
         for begin, end in pairwise(begins):
             first, last = np.interp([begin, end], plan.trace.time, getattr(plan.trace, name))
-            if abs(last - first) >= 0.2 and begin < times[-1]:
+            if abs(last - first) >= 0.2 and begin < clock[-1]:
                 inside = plan.trace.time <= end
                 asked = crossing_times(plan.trace.time[inside], getattr(plan.trace, name)[inside], (first + last) / 2, last > first)
-                had = crossing_times(times, found[name], (first + last) / 2, last > first)
+                had = crossing_times(clock, found[name], (first + last) / 2, last > first)
                 wanted = min(time for time in asked if time >= begin)
                 delays.append(min((abs(time - wanted) for time in had), default=inf))
-    distance = np.sqrt(((run.recording.points[:, -1] - np.array([planned_tip(plan, time) for time in times])) ** 2).sum(axis=1)) / 0.2
+    distance = np.sqrt(((run.recording.points[:, -1] - np.array([planned_tip(plan, reading) for reading in clock])) ** 2).sum(axis=1)) / 0.2
     return values | {
         "writhe_rms": (np.sqrt((writhe**2).sum() / len(writhe)), 0.05),
         "writhe_max": (max(abs(writhe)), 0.15),
@@ -166,7 +167,7 @@ def test_every_check_is_what_a_plain_reading_of_the_recording_gives(scene):
 
 
 def unit_of(name):
-    units = {"level_time": "s", "tip_rms": "lengths", "crossings": "", "activation": "", "unfinished_phases": "", "unstable": ""}
+    units = {"level_time": "s", "tip_rms": "lengths", "crossings": "", "activation": "", "unfinished_phases": "", "stopped": ""}
     return "m" if name.endswith(".length") else units.get(name, "turns")
 
 
@@ -219,7 +220,12 @@ def test_goals_of_a_phase_that_was_not_reached_are_missed_by_any_measure():
     plan = plan_of(PLANNED)
     run = run_of(plan, recording_of(plan.arm, PLANNED, RECORDED[RECORDED <= 3.5]), status=ExecutionStatus.INTERRUPTED)
     missed = {check.name: check.value for check in verify(run).checks if not check.passed}
-    assert missed == {"unfinished_phases": 2.0, "cross.lifted_link": inf, "level_time": inf}
+    assert missed == {"unfinished_phases": 2.0, "stopped": 1.0, "cross.lifted_link": inf, "level_time": inf}
+
+
+@pytest.mark.parametrize("status", [status for status in ExecutionStatus if status is not ExecutionStatus.FINISHED])
+def test_a_run_that_was_stopped_after_its_last_phase_fails_too(status):
+    assert [check.name for check in verify(carried_out(status=status)).checks if not check.passed] == ["stopped"]
 
 
 def test_what_is_not_a_number_passes_nothing():

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from octoctrl.carrying.results import Event, Execution
+from octoctrl.carrying.results import Event, Execution, ExecutionReport
 from octoctrl.planners.asking.primitives import Twist
 from octoctrl.planners.asking.registry import goal
 from octoctrl.planners.asking.schedule import Schedule
@@ -91,19 +91,30 @@ def recording_of(arm, motion, time=RECORDED, level=0.25):
     return Recording(time=time, stretch=np.repeat(strains[:, :1, 3], arm.elements, axis=1), levels=levels, **posed(arm, strains))
 
 
-def run_of(plan, recording, **changes):
-    """An execution of `plan` that left `recording`; the clock never waited."""
+def run_of(plan, recording, clock=None, **changes):
+    """An execution of `plan` that left `recording`; the clock never waited if it is not given."""
+    clock = recording.time if clock is None else clock
     ends = [*list(plan.phase_begins.values())[1:], plan.schedule.duration]
     events = tuple(
-        Event(phase=name, planned=end, actual=end, met=True)
+        Event(phase=name, planned=end, actual=float(recording.time[np.searchsorted(clock, end - 1e-9)]), met=True)
         for name, end in zip(plan.phase_begins, ends, strict=True)
-        if end <= recording.time[-1]
+        if end <= clock[-1]
     )
     made = {
-        "plan": plan, "recording": recording, "trace": measure(recording.time, recording.points, recording.frames),
-        "planned": plan.trace.at(recording.time), "feedback": "tvlqr", "events": events,
+        "plan": plan, "recording": recording, "trace": measure(recording.time, recording.points, recording.frames), "clock": clock,
+        "feedback": "tvlqr", "events": events, "report": ExecutionReport(wall_time=1.0, time_step=1e-4, step_limit="shear"),
     }  # fmt: skip
     return Execution(**(made | changes))
+
+
+def waiting(plan, motion, at=1.0, wait=0.4):
+    """A run that follows `motion` on the clock, which stands for `wait` seconds when it reads `at`."""
+    time = np.linspace(0.0, END + wait, round(20 * (END + wait)) + 1)
+    clock = np.where(time < at, time, np.maximum(time - wait, at))
+    pose = recording_of(plan.arm, motion, clock)
+    run = run_of(plan, replace(pose, time=time), clock)
+    late = tuple(event if event.planned != at else replace(event, actual=at + wait) for event in run.events)
+    return replace(run, events=late)
 
 
 def moved(recording, shift):

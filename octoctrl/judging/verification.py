@@ -80,7 +80,7 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
     unfinished = len(execution.plan.task.phases) - len(execution.events)
     checks = [
         _check("unfinished_phases", unfinished, 0),
-        _check("unstable", execution.status is ExecutionStatus.UNSTABLE, 0),
+        _check("stopped", execution.status is not ExecutionStatus.FINISHED, 0),
         *_goal_checks(execution),
         _check("writhe_rms", rms(writhe), limits.writhe_rms, "turns"),
         _check("writhe_max", np.abs(writhe).max(), limits.writhe_max, "turns"),
