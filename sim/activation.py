@@ -259,9 +259,27 @@ def _check_template(template):
     if _is_number(template.level):
         check_number("level", template.level, at_least=0.0, at_most=1.0)
     if _is_number(template.onset):
-        check_number("onset", template.onset)
-    if template.window[0] >= template.window[1]:
-        raise OctoctrlError(f"window {template.window} m: the begin must lie before the end")
+        check_number("onset", template.onset, unit="s")
+    if _is_number(template.offset) and not _never(template.offset):
+        check_number("offset", template.offset, unit="s", advice="inf is never")
+    check_window(type(template).__name__, template.window)
+
+
+def check_window(owner: str, window: tuple[float, float]) -> None:
+    """Check a window of the arm: two arclengths, m, of which the second may be infinite.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is something else, or the begin does not lie before the end; the message names the `owner`.
+    """
+    if not isinstance(window, tuple | list) or len(window) != 2:
+        raise OctoctrlError(f"{owner}: window is {window!r}; two arclengths in metres are needed")
+    for edge in window:
+        if edge != inf:
+            check_number(f"{owner}: window", edge, unit="m")
+    if window[0] >= window[1]:
+        raise OctoctrlError(f"{owner}: window {tuple(window)} m: the begin must lie before the end")
 
 
 def _never(offset):

@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from octoctrl import tasks
 from octoctrl.files.configuration import Configuration, PlanSettings, RunSettings, parse
 from octoctrl.files.toml_writing import toml_of
+from octoctrl.planners.asking.goals.keep_out import Capsule, HalfSpace, Sphere
 from octoctrl.planners.asking.primitives import Shorten, Twist
 from octoctrl.planners.asking.registry import goal, goal_kinds
 from octoctrl.planners.asking.task import Drive, Phase, Task
+from octoctrl.planners.contracts import When
 from octoctrl.sim.activation import WRITE_THRESHOLD
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, LumpedSection
 from octoctrl.sim.errors import OctoctrlError
@@ -24,10 +26,36 @@ names = st.text("abdefghij_", min_size=1, max_size=8)
 positive = st.floats(1e-3, 1e3)
 
 
+finite = st.floats(-5, 5)
+vectors = st.tuples(finite, finite, st.floats(0.1, 5))
+bodies = st.one_of(
+    st.builds(Sphere, centre=vectors, radius=positive),
+    st.builds(Capsule, start=vectors, stop=vectors.map(lambda vector: (*vector[:2], vector[2] + 6)), radius=positive),
+    st.builds(HalfSpace, point=vectors, normal=st.permutations((0.0, 1.0, 0.0)).map(tuple)),
+)
+targets = st.one_of(
+    *(st.fixed_dictionaries({name: finite}) for name in ("value", "at_least", "at_most")),
+    st.fixed_dictionaries({"between": st.tuples(st.floats(-5, 0), st.floats(0, 5))}),
+)
+common = {"tolerance": positive, "hold": st.floats(0, 0.3), "when": st.sampled_from(list(When))}
+special = {
+    "tip": st.fixed_dictionaries(common | {"value": vectors}),
+    "tip_tangent": st.fixed_dictionaries(common | {"direction": st.permutations((0.0, 1.0, 0.0)).map(tuple)}),
+    "keep_out": st.fixed_dictionaries(common | {"shape": bodies, "margin": positive}),
+    "sucker_side": st.fixed_dictionaries(common | {"at_most": st.floats(-1, 1), "azimuth": finite}),
+}
+asked = {
+    quantity: special.get(quantity, st.builds(lambda some, target: some | target, st.fixed_dictionaries(common), targets)).map(
+        lambda numbers, quantity=quantity: goal(quantity, **numbers)
+    )
+    for quantity in goal_kinds()
+}
+
+
 @st.composite
 def configurations(draw):
     labels = draw(st.lists(names, min_size=1, max_size=4, unique=True))
-    goals = st.one_of(st.builds(goal, st.just(name), value=st.floats(-5, 5), tolerance=positive) for name in goal_kinds())
+    goals = st.sampled_from(sorted(asked)).flatmap(asked.get)
     phases = tuple(
         Phase(name=label, duration=draw(st.floats(0.3, 4.0)), goals=tuple(draw(st.lists(goals, max_size=1)))) for label in labels
     )
@@ -109,6 +137,21 @@ def test_lines_inside_long_texts_are_not_keys():
 def test_goal_of_length_takes_a_unit_of_length():
     written = "task.phases[0].goals=[{quantity='length', value='180 mm', tolerance='4 mm'}]"
     assert parse(SMALL, overrides=[written]).task.phases[0].goals == (goal("length", value=0.18, tolerance=0.004),)
+
+
+def test_goals_take_units_and_bodies():
+    written = """task.phases[0].goals=[
+        { quantity = "tip", value = ["70 mm", "11 cm", 0.02], tolerance = "10 mm", hold = "400 ms" },
+        { quantity = "sucker_side", azimuth = "45 deg", at_least = 0.8 },
+        { quantity = "twist", window = ["0 mm", "80 mm"], between = [-0.2, 0.2] },
+        { quantity = "keep_out", shape = { kind = "Capsule", start = [0.01, 0, 0], stop = [0, 0, 1], radius = "12 mm" }, margin = "6 mm" },
+    ]"""
+    assert parse(SMALL, overrides=[written]).task.phases[0].goals == (
+        goal("tip", value=(0.07, 0.11, 0.02), tolerance=0.01, hold=0.4),
+        goal("sucker_side", azimuth=pi / 4, at_least=0.8),
+        goal("twist", window=(0.0, 0.08), between=(-0.2, 0.2)),
+        goal("keep_out", shape=Capsule(start=(0.01, 0.0, 0.0), stop=(0.0, 0.0, 1.0), radius=0.012), margin=0.006),
+    )
 
 
 def test_overrides_address_elements_by_name_and_number():

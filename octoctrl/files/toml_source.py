@@ -130,4 +130,6 @@ def found(value: object) -> str:
         return str(value).lower()
     if isinstance(value, int | float):
         return f"the number {value:g}" if isinstance(value, float) or abs(value) < 1e300 else "a number beyond 1e300"
-    return {dict: "a table", list: "a list"}.get(type(value), f"{type(value).__name__} {value}")
+    if isinstance(value, dict | list):
+        return "a table" if isinstance(value, dict) else "a list"
+    return f"{type(value).__name__} {value}"

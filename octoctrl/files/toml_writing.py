@@ -111,7 +111,7 @@ def _value(value: Any) -> str:
 
 def _described(kind: type) -> dict[str, str]:
     """What the class's docstring says about each field: unit or choices, and the first sentence."""
-    known = {item.name for item in fields(kind)}  # type: ignore[arg-type]
+    known = {item.name for item in fields(kind)}
     said: dict[str, list[str]] = {}
     open_names: list[str] = []
     for line in (kind.__doc__ or "").splitlines():

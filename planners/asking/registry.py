@@ -18,6 +18,7 @@ Kind = TypeVar("Kind", bound=type)
 
 _PRIMITIVES: dict[str, type] = {}
 _GOALS: dict[str, type] = {}
+_PARTS: dict[str, type] = {}
 
 
 def register_primitive(kind: Kind) -> Kind:
@@ -59,13 +60,36 @@ def register_goal(kind: Kind) -> Kind:
     OctoctrlError
         If it is not a dataclass, or the name is taken.
     """
-    return _register(kind, kind.quantity, _GOALS)
+    return _register(kind, str(getattr(kind, "quantity", "")), _GOALS)
+
+
+def register_part(kind: Kind) -> Kind:
+    """Let files hold what a primitive or a goal consists of; a decorator.
+
+    Parameters
+    ----------
+    kind : type
+        Frozen dataclass.
+
+    Returns
+    -------
+    type
+        The same.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is not a dataclass, or the name is taken.
+    """
+    return _register(kind, kind.__name__, _PARTS)
 
 
 def _register(kind: Kind, name: str, table: dict[str, type]) -> Kind:
+    if not name:
+        raise OctoctrlError(f"{kind.__name__} has no quantity; write quantity: ClassVar[str] = ... in it")
     if not is_dataclass(kind):
         raise OctoctrlError(f"{kind.__name__} is not a dataclass; write @dataclass(frozen=True, kw_only=True) above it")
-    known = {**_PRIMITIVES, **_GOALS}.values()
+    known = {**_PRIMITIVES, **_GOALS, **_PARTS}.values()
     # The same class may come twice, from a module that is loaded again.
     if any(other.__name__ == kind.__name__ and other.__qualname__ != kind.__qualname__ for other in known):
         raise OctoctrlError(f"a class called '{kind.__name__}' is registered already; choose another name")
@@ -90,8 +114,8 @@ def goal_kinds() -> Mapping[str, type]:
 
 
 def stored_kinds() -> dict[str, type]:
-    """All classes of primitives and goals, by the class's name."""
-    return {kind.__name__: kind for kind in (*primitive_kinds().values(), *goal_kinds().values())}
+    """All classes of primitives, goals and their parts, by the class's name."""
+    return {kind.__name__: kind for kind in (*primitive_kinds().values(), *goal_kinds().values(), *_PARTS.values())}
 
 
 def primitive(kind: str, **numbers: Any) -> Primitive:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from octoctrl.sim.activation import check_window
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, check_number
 from octoctrl.sim.running.recording import Recording
@@ -144,6 +145,42 @@ class ScalarGoal(MeasuredGoal):
         (low, high), (other_low, other_high) = self.band, other.band
         return max(low, other_low) - min(high, other_high) > self.tolerance + other.tolerance
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindowedGoal(ScalarGoal):
+    """A goal for one number that is summed along the arm, or along a window of it.
+
+    Attributes
+    ----------
+    window : (float, float), m
+        Rest arclengths between which it is read.
+    """
+
+    window: tuple[float, float] = (0.0, inf)
+
+    def __post_init__(self) -> None:
+        ScalarGoal.__post_init__(self)
+        check_window(f"goal {self.quantity}", self.window)
+
+    def _where(self) -> str:
+        low, high = (_number(1e3 * edge) for edge in self.window)
+        words = "" if self.window == (0.0, inf) else f" from {low} mm to " + ("the tip" if self.window[1] == inf else f"{high} mm")
+        return words + ScalarGoal._where(self)
+
+    def weights(self, outputs: Outputs) -> Floats:
+        """What lies of each gap between the stations inside the window, (n + 1,), m."""
+        lower, upper = outputs.stations[:-1], outputs.stations[1:]
+        return np.maximum(np.minimum(upper, self.window[1]) - np.maximum(lower, self.window[0]), 0.0)
+
+
+def bending(outputs: Outputs) -> Expression:
+    """Size of the curvature in each gap between the stations, (T, n + 1), 1/m; never zero, so that a straight arm has slopes too."""
+    first, second, _ = outputs.curvatures
+    return outputs.math.sqrt(first**2 + second**2 + STRAIGHT**2)
+
+
+STRAIGHT = 0.1
+"""Curvature, 1/m, that says nothing of a direction."""
 
 _TARGETS = ("value", "at_least", "at_most", "between", "tolerance", "when", "hold")
 

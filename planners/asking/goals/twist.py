@@ -1,17 +1,21 @@
-"""Twist of the arm, turns."""
+"""Twist of the arm or of a window of it, turns."""
 
 from dataclasses import dataclass
+from math import inf, tau
 from typing import ClassVar
 
 from ...contracts import Expression, Outputs, Reach
 from ..registry import register_goal
-from .measured import ScalarGoal
+from .measured import WindowedGoal
 
 
 @register_goal
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TwistGoal(ScalarGoal):
-    """Rotation of the frames about the arm: negative where R-OM has stored it."""
+class TwistGoal(WindowedGoal):
+    """Rotation of the frames about the arm: negative where R-OM has stored it.
+
+    In a window: the integral of the material curvature k3 over 2 pi.
+    """
 
     quantity: ClassVar[str] = "twist"
     unit: ClassVar[str] = "turns"
@@ -19,7 +23,9 @@ class TwistGoal(ScalarGoal):
 
     def read(self, outputs: Outputs) -> Expression:
         """Twist, (T,), turns."""
-        return outputs.twist
+        if self.window == (0.0, inf):
+            return outputs.twist
+        return outputs.curvatures[2] @ (self.weights(outputs) / tau)
 
     def beyond(self, reach: Reach) -> str:
         """A hand stores at most so much."""

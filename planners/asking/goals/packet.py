@@ -1,0 +1,36 @@
+"""Where the packet of bending is, m of arclength."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ...contracts import Expression, Outputs
+from ..registry import register_goal
+from .measured import ScalarGoal, bending
+
+POINTS, POWER = 81, 4
+"""Points at which the bending strain is read, and the power of it that is its weight: high enough to see the packet alone."""
+
+
+@register_goal
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PacketGoal(ScalarGoal):
+    """Arclength of the packet: the centroid of (r |k|)^4, on 81 points.
+
+    The bending strain r |k| is weighed and not the curvature, which would find the thin tip.
+    """
+
+    quantity: ClassVar[str] = "packet"
+    unit: ClassVar[str] = "m"
+    tolerance: float = 0.008
+
+    def read(self, outputs: Outputs) -> Expression:
+        """Rest arclength, (T,), m."""
+        stations = outputs.stations
+        points = np.linspace(stations[0], stations[-1], POINTS)
+        middles = (stations[1:] + stations[:-1]) / 2
+        # Linear between the middles of the gaps; radii relative to the base, for only their ratio counts.
+        between = np.stack([np.interp(points, middles, unit) for unit in np.eye(len(middles))]) * outputs.arm.section(points).outline
+        weights = (bending(outputs) @ between) ** POWER
+        return (weights @ points) / (weights @ np.ones(POINTS))
