@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
     from octoctrl.sim.plants import Plant, make_plant
     from octoctrl.sim.running.batch import simulate_batch
+    from octoctrl.sim.running.sensors import Sensors
     from octoctrl.sim.scene.scene import Scene, Water
     from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
 
@@ -66,6 +67,7 @@ _HOMES = {
     "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
     "octoctrl.sim.body.arm": ("Arm",),
     "octoctrl.sim.running.batch": ("simulate_batch",),
+    "octoctrl.sim.running.sensors": ("Sensors",),
     "octoctrl.sim.errors": ("OctoctrlError", "PlantUnstableError"),
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
     "octoctrl.sim.topology.trace": ("TopologyConvention", "TopologyTrace"),
@@ -100,6 +102,7 @@ __all__ = [
     "ScalarGoal",
     "Scene",
     "Schedule",
+    "Sensors",
     "Shorten",
     "Task",
     "TopologyConvention",
