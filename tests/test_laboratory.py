@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from octoctrl.cli.application import main
 from octoctrl.laboratory import checks as laboratory_checks
-from octoctrl.laboratory import endings as laboratory_verdicts
+from octoctrl.laboratory import endings as laboratory_endings
 from octoctrl.laboratory import page as laboratory_page
 from octoctrl.laboratory import studies as laboratory
-from octoctrl.laboratory.endings import Outcome, Verdict, perform
+from octoctrl.laboratory.endings import Ending, Outcome, perform
 from octoctrl.laboratory.endurance import long_run
 from octoctrl.laboratory.trials import ASSEMBLY_KINDS, KINDS, draw
 from octoctrl.sim.activation import Activation, Plateau
@@ -49,8 +49,8 @@ def test_a_trial_is_drawn_alike_again_and_differs_from_the_next(kind, number, se
 def test_no_trial_fails_undetected(kind, number):
     outcome = perform(draw(kind, 1, number))
     assert not outcome.undetected, outcome
-    assert (outcome.stop is not None) == (outcome.verdict in ("LIMIT", "UNSTABLE"))
-    assert bool(outcome.reason) == (outcome.verdict not in ("ACCURATE", "FINISHED"))
+    assert (outcome.stop is not None) == (outcome.ending in (Ending.LIMIT, Ending.UNSTABLE))
+    assert bool(outcome.reason) == (outcome.ending not in (Ending.ACCURATE, Ending.FINISHED))
     if outcome.stop:
         assert set(outcome.stop) == {"time", "rod", "element", "mechanism"} and 0 < outcome.stop["time"] <= 1.0
 
@@ -62,13 +62,13 @@ def test_no_trial_fails_undetected(kind, number):
 )
 def test_what_was_found_stays_mended(kind, number):
     outcome = perform(draw(kind, 0, number))
-    assert outcome.verdict not in ("UNDETECTED", "UNSTABLE"), outcome
+    assert outcome.ending not in (Ending.UNDETECTED, Ending.UNSTABLE), outcome
 
 
 def test_huge_steps_are_refused_beforehand_with_the_limit():
     for number in range(4):
         outcome = perform(draw("huge step", 0, number))
-        assert outcome.verdict == "REFUSED" and "exceeds the" in outcome.reason and not outcome.automatic
+        assert outcome.ending is Ending.REFUSED and "exceeds the" in outcome.reason and not outcome.automatic
 
 
 def test_tips_of_a_fifth_of_a_millimetre_are_what_they_say():
@@ -136,31 +136,31 @@ def test_passive_energy_is_the_work_of_stretching():
     assert energies[-1] == pytest.approx(work, rel=2e-3)
 
 
-# Verdicts
+# Endings
 
 
 def test_motion_that_depends_on_the_step_is_not_called_accurate(monkeypatch):
-    run = laboratory_verdicts._Run
+    run = laboratory_endings._Run
     trial = replace(draw("gentle", 0, 0), arm={"elements": 24}, activation=PULL)
-    assert perform(trial).verdict == "ACCURATE"
+    assert perform(trial).ending is Ending.ACCURATE
     monkeypatch.setattr(run, "_apart", lambda self, recording, plant: 0.5 if plant.h < self.plant.h else 1e-6)
-    assert perform(trial).verdict == "INACCURATE"
+    assert perform(trial).ending is Ending.INACCURATE
     monkeypatch.setattr(run, "_apart", lambda self, recording, plant: 0.5)
-    assert perform(trial).verdict == "SENSITIVE"
+    assert perform(trial).ending is Ending.SENSITIVE
 
 
 @pytest.mark.parametrize(("kind", "broken"), [("restart", "_restarted"), ("threads", "_threaded")])
 def test_other_bits_are_an_undetected_failure(monkeypatch, kind, broken):
     trial = replace(draw(kind, 0, 0), arm={"elements": 16}, activation=PULL, number=1)
-    assert perform(trial).verdict == "FINISHED"
-    monkeypatch.setattr(laboratory_verdicts._Run, broken, lambda *_: False)
+    assert perform(trial).ending is Ending.FINISHED
+    monkeypatch.setattr(laboratory_endings._Run, broken, lambda *_: False)
     outcome = perform(trial)
     assert outcome.undetected and "the same bits" in outcome.reason
 
 
 def test_an_accepted_huge_step_and_a_crash_are_undetected_failures(monkeypatch):
     assert perform(replace(draw("huge step", 0, 0), arm={"elements": 16}, step=0.5)).undetected
-    monkeypatch.setattr(laboratory_verdicts._Run, "judged", lambda self: 1 / 0)
+    monkeypatch.setattr(laboratory_endings._Run, "judged", lambda self: 1 / 0)
     assert "ZeroDivisionError" in perform(draw("gentle", 0, 0)).reason
 
 
@@ -192,14 +192,14 @@ def test_every_kind_has_its_share_and_any_beginning_is_mixed():
 def test_matrix_summary_and_page(tmp_path):
     stop = {"time": 0.2, "rod": "arm", "element": 3, "mechanism": "is bent by more than 1.5 rad against its neighbour"}
     outcomes = [
-        Outcome(kind="gentle", number=0, verdict="ACCURATE", error=0.002, simulated=1.0),
-        Outcome(kind="gentle", number=1, verdict="UNSTABLE", reason="stopped", again=False, stop=stop),
-        Outcome(kind="water", number=0, verdict="LIMIT", reason="stopped", again=True, stop=stop | {"rod": None}),
-        Outcome(kind="huge step", number=0, verdict="REFUSED", reason="too large", automatic=False),
-        Outcome(kind="waves", number=0, verdict="UNDETECTED", reason="why"),
+        Outcome(kind="gentle", number=0, ending=Ending.ACCURATE, error=0.002, simulated=1.0),
+        Outcome(kind="gentle", number=1, ending=Ending.UNSTABLE, reason="stopped", again=False, stop=stop),
+        Outcome(kind="water", number=0, ending=Ending.LIMIT, reason="stopped", again=True, stop=stop | {"rod": None}),
+        Outcome(kind="huge step", number=0, ending=Ending.REFUSED, reason="too large", automatic=False),
+        Outcome(kind="waves", number=0, ending=Ending.UNDETECTED, reason="why"),
     ]
     counts = laboratory.matrix(outcomes)
-    assert list(counts) == ["gentle", "waves", "huge step", "water"] and counts["gentle"]["UNSTABLE"] == 1
+    assert list(counts) == ["gentle", "waves", "huge step", "water"] and counts["gentle"][Ending.UNSTABLE] == 1
     numbers = laboratory.summary(outcomes)
     assert numbers["undetected"] == 1 and numbers["automatic_unstable"] == 1 and numbers["automatic_steps"] == 4
     assert numbers["stopped"] == 2 and numbers["stopped_at_quarter_step_too"] == 1 and numbers["stops_without_a_place"] == 1
@@ -207,7 +207,7 @@ def test_matrix_summary_and_page(tmp_path):
     assert "undetected failures: 1" in said and "4 runs, 1 of them unstable" in said
     endurance = {"moving": 2e-6, "rest": 2e-6, "never": 2e-6, "smallest": 1e-7}
     page = laboratory_page.page({"rod": outcomes}, (long_run(20_000), endurance), ["octoctrl stability"], "stability.png")
-    assert all(verdict.value in page for verdict in Verdict) and "2 times an element is bent" in page and "20,000 steps" in page
+    assert all(ending.value in page for ending in Ending) and "2 times an element is bent" in page and "20,000 steps" in page
     laboratory_page.draw(outcomes, tmp_path / "matrix.png")
     assert (tmp_path / "matrix.png").stat().st_size > 5000
 

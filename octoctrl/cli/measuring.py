@@ -1,6 +1,5 @@
 """Commands that measure octoctrl itself: benchmarks, and the stability laboratory."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -66,7 +65,7 @@ def stability(
 
     if repeat is not None:
         trial, outcome = laboratory.repeat(repeat, seed)
-        report(f"{trial}\n\n{outcome}", asdict(outcome), as_json)
+        report(f"{trial}\n\n{outcome}", laboratory.written(outcome), as_json)
         return ExitCode.VERDICT_FAILED if outcome.undetected else ExitCode.WELL
     target, progress = outcomes or Path(f"stability-{plant}-{seed}.jsonl"), display(quiet)
     if page is not None:

@@ -1,9 +1,16 @@
 """What no sensible motion does: checks of a run that no guard has stopped. Each gives a sentence, or None if all is well."""
 
-import numpy as np
+from typing import Any
 
-from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
+import numpy as np
+from numpy.typing import NDArray
+
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
+from octoctrl.sim.body.muscles import MuscleLaw
+from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.topology.measures import measure
+
+Floats = NDArray[np.float64]
 
 ORTHONORMAL = 1e-10
 RESIDUAL = 0.25
@@ -17,7 +24,7 @@ SLOWING = 0.995
 """A slower second than the one before, by so much, is on the way to rest: large arms take minutes."""
 
 
-def finite(recording):
+def finite(recording: Recording) -> str | None:
     """Every number of the `recording` is a number."""
     for name in ("time", "points", "frames", "stretch", "levels"):
         if not np.isfinite(getattr(recording, name)).all():
@@ -25,14 +32,14 @@ def finite(recording):
     return None
 
 
-def orthonormal(recording):
+def orthonormal(recording: Recording) -> str | None:
     """The frames of the `recording` stay orthonormal."""
     product = recording.frames @ np.swapaxes(recording.frames, -1, -2)
     worst = float(np.abs(product - np.eye(3)).max())
     return f"frames are orthonormal only to {worst:.1e}" if not worst < ORTHONORMAL else None
 
 
-def held(recording):
+def held(recording: Recording) -> str | None:
     """In the `recording` the base stays where it is, and no node is farther from it than the arm is long."""
     if np.abs(recording.points[:, 0] - recording.points[0, 0]).max() > 0:
         return "the base has moved"
@@ -40,14 +47,14 @@ def held(recording):
     return "the tip is out of the arm's reach" if np.any(reach > recording.length * (1 + 1e-9)) else None
 
 
-def linked(recording):
+def linked(recording: Recording) -> str | None:
     """In the `recording` link is writhe plus twist, up to whole turns: a curve that just passes through itself may win or lose them."""
     residual = measure(recording.time, recording.points, recording.frames).residual
     worst = float(np.abs(residual - np.round(residual)).max())
     return f"link and writhe + twist differ by {worst:.2f} turns" if not worst < RESIDUAL else None
 
 
-def powered(recording, arm, node_mass):
+def powered(recording: Recording, arm: Arm, node_mass: Floats) -> str | None:
     """The kinetic energy of an arm that started at rest stays below the work that its muscles can do.
 
     A muscle of volume V shortens from its largest to its smallest stretch at most once per rise of its activation, and gives no more than
@@ -58,10 +65,6 @@ def powered(recording, arm, node_mass):
     recording : Recording
     arm : Arm
     node_mass : (n + 1,) float64, kg
-
-    Returns
-    -------
-    str or None
     """
     speed = np.diff(recording.points, axis=0) / np.diff(recording.time)[:, None, None]
     kinetic = 0.5 * float(np.max(np.sum(node_mass * np.sum(speed**2, axis=2), axis=1), initial=0.0))
@@ -77,21 +80,12 @@ def powered(recording, arm, node_mass):
     return f"kinetic energy {kinetic:.2g} J exceeds the muscles' work {available:.2g} J" if kinetic > available + 1e-15 else None
 
 
-def growth(energies):
-    """Largest growth of the energy of a passive arm, over what it began with.
-
-    Parameters
-    ----------
-    energies : (T,) float64, J
-
-    Returns
-    -------
-    float
-    """
+def growth(energies: Floats) -> float:
+    """Largest growth of the `energies` (T,) of a passive arm, over what it began with."""
     return float(np.max(energies - np.minimum.accumulate(energies)) / energies[0])
 
 
-def settled(recording):
+def settled(recording: Recording) -> str | None:
     """The `recording` under constant activation comes to rest, or is on the way: muscles with a constant pull give no more work."""
     speed = np.linalg.norm(np.diff(recording.points, axis=0), axis=2).mean(axis=1) / np.diff(recording.time)
     seconds = np.searchsorted(recording.time, recording.time[-1] - np.array([2.0, 1.0]))
@@ -101,7 +95,7 @@ def settled(recording):
     return f"still moves at {last / speed.max():.1%} of its largest speed and does not slow down"
 
 
-def passive_energy(plant):
+def passive_energy(plant: Any) -> float:
     """Kinetic, elastic and passive muscle energy of a rod plant now, J; the passive stress is integrated along each fibre's stretch.
 
     Parameters
@@ -135,7 +129,7 @@ def passive_energy(plant):
     return total + sum(float(np.sum(area * length * _density(law, s))) for law, area, s in fibres)
 
 
-def _density(law, stretch):
+def _density(law: MuscleLaw, stretch: Floats) -> Floats:
     """Passive energy per rest volume at `stretch`, J/m^3: a fibre's tension is A sigma(s) / s, see `octoctrl.sim.rod.section_kernels`."""
     grid = np.linspace(0.2, 3.0, 5601)
     stress = law.passive_stress(grid) / grid

@@ -1,18 +1,21 @@
-"""One run of the stability laboratory and its verdict: accurate, refused beforehand, stopped with the reason, or an undetected failure."""
+"""One run of the stability laboratory and how it ended: accurate, refused beforehand, stopped with the reason, or an undetected failure."""
 
 import tempfile
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from time import thread_time
+from typing import Any
 
 import numpy as np
 
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.plants import make_plant
+from octoctrl.sim.plants import Plant, make_plant
+from octoctrl.sim.running.recording import Recording
 
 from . import checks
-from .trials import ASSEMBLY_KINDS
+from .trials import ASSEMBLY_KINDS, Trial
 
 TOLERANCE = 0.01
 """Distance of the tip from that of a run at half the step, rms over time and over the arm's length, up to which a run is accurate."""
@@ -28,7 +31,7 @@ SAME_TIME = 0.1
 """Two runs stop at the same time if their times differ by less than this share."""
 
 
-class Verdict(Enum):
+class Ending(Enum):
     """How a run of the laboratory ended; the value is the heading of its column."""
 
     ACCURATE = "accurate"
@@ -49,8 +52,7 @@ class Outcome:
     ----------
     kind : str
     number : int
-    verdict : str
-        Name of a `Verdict`.
+    ending : Ending
     reason : str
         For all but finished runs, one sentence.
     automatic : bool
@@ -67,56 +69,45 @@ class Outcome:
 
     kind: str
     number: int
-    verdict: str
+    ending: Ending
     reason: str = ""
     automatic: bool = True
     error: float | None = None
     again: bool | None = None
-    stop: dict | None = None
+    stop: dict[str, Any] | None = None
     simulated: float = 0.0
     spent: float = 0.0
 
     @property
-    def undetected(self):
+    def undetected(self) -> bool:
         """Whether this is a failure that no guard caught."""
-        return self.verdict == Verdict.UNDETECTED.name
+        return self.ending is Ending.UNDETECTED
 
 
-def perform(trial):
-    """Carry out one trial and judge it.
-
-    Parameters
-    ----------
-    trial : octoctrl.laboratory.trials.Trial
-
-    Returns
-    -------
-    Outcome
-    """
+def perform(trial: Trial) -> Outcome:
+    """Carry out one `trial` and judge it."""
     begin = thread_time()
     try:
         found = _Run(trial).judged()
     except OctoctrlError as error:
-        found = {"verdict": Verdict.REFUSED, "reason": str(error)}
+        found = {"ending": Ending.REFUSED, "reason": str(error)}
     except Exception as error:
-        found = {"verdict": Verdict.UNDETECTED, "reason": f"{type(error).__name__}: {error}"}
-    if trial.kind == "huge step" and found["verdict"] is not Verdict.REFUSED:
-        found = {"verdict": Verdict.UNDETECTED, "reason": f"a step of {trial.step:g} times the limit was accepted"}
-    found["verdict"] = found["verdict"].name
+        found = {"ending": Ending.UNDETECTED, "reason": f"{type(error).__name__}: {error}"}
+    if trial.kind == "huge step" and found["ending"] is not Ending.REFUSED:
+        found = {"ending": Ending.UNDETECTED, "reason": f"a step of {trial.step:g} times the limit was accepted"}
     return Outcome(kind=trial.kind, number=trial.number, automatic=trial.step is None, spent=thread_time() - begin, **found)
 
 
 class _Run:
     """A trial on its plant."""
 
-    def __init__(self, trial):
-        self.trial, self.energies = trial, None
+    def __init__(self, trial: Trial) -> None:
+        self.trial = trial
         self.plant = self._plant()
 
-    def _plant(self, finer=1, displacement=0.0):
+    def _plant(self, finer: int = 1, displacement: float = 0.0) -> Plant:
         """The trial's plant at its begin; at a part of the step, or with its nodes displaced at random."""
         from octoctrl.sim.body.arm import Arm
-        from octoctrl.sim.plants import Plant
         from octoctrl.sim.rod.layout import Row
         from octoctrl.sim.scene.scene import Scene
 
@@ -135,7 +126,7 @@ class _Run:
             nodes += displacement * arm.length * np.random.default_rng(0).standard_normal(nodes.shape)
         return plant
 
-    def judged(self):
+    def judged(self) -> dict[str, Any]:
         trial, plant = self.trial, self.plant
         try:
             recording, differing = self._recorded()
@@ -144,18 +135,18 @@ class _Run:
         found = {"simulated": float(recording.time[-1])}
         complaint = differing or next(filter(None, self._complaints(recording)), None)
         if complaint:
-            return found | {"verdict": Verdict.UNDETECTED, "reason": complaint}
+            return found | {"ending": Ending.UNDETECTED, "reason": complaint}
         if trial.number % COMPARED or trial.kind in ASSEMBLY_KINDS:
-            return found | {"verdict": Verdict.FINISHED}
+            return found | {"ending": Ending.FINISHED}
         apart = self._apart(recording, self._plant(finer=2))
         if apart < TOLERANCE:
-            return found | {"verdict": Verdict.ACCURATE, "error": apart}
+            return found | {"ending": Ending.ACCURATE, "error": apart}
         growth = self._apart(recording, self._plant(displacement=PERTURBATION)) / PERTURBATION
-        verdict = Verdict.SENSITIVE if growth > SENSITIVE else Verdict.INACCURATE
+        ending = Ending.SENSITIVE if growth > SENSITIVE else Ending.INACCURATE
         said = f"half the step moves the tip by {apart:.1%} of the length, a displacement of 1e-6 grows {growth:.0f} times"
-        return found | {"verdict": verdict, "error": apart, "reason": f"{said}; {plant.elements} elements, step {plant.h:.2g} s"}
+        return found | {"ending": ending, "error": apart, "reason": f"{said}; {plant.elements} elements, step {plant.h:.2g} s"}
 
-    def _recorded(self):
+    def _recorded(self) -> tuple[Recording, str | None]:
         """The recording, and a complaint if bits differ that must not."""
         trial, plant = self.trial, self.plant
         if trial.kind == "stretched":
@@ -167,10 +158,8 @@ class _Run:
             return recording, None if self._threaded(recording) else "a batch does not move with the same bits"
         return recording, None
 
-    def _released(self):
-        from octoctrl.sim.running.recording import Recording
-
-        def go(plant):
+    def _released(self) -> tuple[Recording, str | None]:
+        def go(plant: Plant) -> tuple[Recording, float]:
             pieces, energies = [], [checks.passive_energy(plant)]
             for _ in range(round(self.trial.duration / 0.01)):
                 pieces.append(plant.advance(self.trial.activation, 0.01))
@@ -184,7 +173,7 @@ class _Run:
         grew = f"the energy of the passive arm grew by {growth:.1%}, at a quarter of the step by {by_itself:.1%}"
         return recording, grew if growth - by_itself > checks.GROWTH else None
 
-    def _restarted(self):
+    def _restarted(self) -> bool:
         trial, first = self.trial, self._plant()
         part = first.sample_interval * max(1, round(trial.duration * (1 + trial.number % 7) / 8 / first.sample_interval))
         first.advance(trial.activation, part)
@@ -195,13 +184,13 @@ class _Run:
         again.advance(trial.activation, trial.duration - part)
         return all(np.array_equal(one, other) for one, other in zip(_state(self.plant), _state(again), strict=True))
 
-    def _threaded(self, recording):
+    def _threaded(self, recording: Recording) -> bool:
         from octoctrl.sim.running.batch import simulate_batch
 
         result = simulate_batch([self._plant() for _ in range(3)], self.trial.activation, self.trial.duration, threads=2)
         return all(np.array_equal(recording.points, other.points) for other in result.recordings)
 
-    def _complaints(self, recording):
+    def _complaints(self, recording: Recording) -> Iterator[str | None]:
         trial, plant = self.trial, self.plant
         yield checks.finite(recording)
         yield checks.orthonormal(recording)
@@ -212,7 +201,7 @@ class _Run:
         if trial.kind == "settling":
             yield checks.settled(recording)
 
-    def _apart(self, recording, plant):
+    def _apart(self, recording: Recording, plant: Plant) -> float:
         """Distance of the tip from that of another run, rms over time and over the arm's length; infinite if that one stops."""
         try:
             other = plant.advance(self.trial.activation, self.trial.duration)
@@ -220,11 +209,11 @@ class _Run:
             return np.inf
         return float(np.sqrt(np.mean(np.sum((recording.tip - other.tip) ** 2, axis=1)))) / plant.arm.length
 
-    def _stopped(self, error):
+    def _stopped(self, error: PlantUnstableError) -> dict[str, Any]:
         recording = error.recording
         complaint = checks.finite(recording) or checks.orthonormal(recording)
         if complaint:
-            return {"verdict": Verdict.UNDETECTED, "reason": f"kept in the recording of a stopped run: {complaint}"}
+            return {"ending": Ending.UNDETECTED, "reason": f"kept in the recording of a stopped run: {complaint}"}
         again = None
         if self.trial.kind not in ASSEMBLY_KINDS:
             try:
@@ -233,7 +222,7 @@ class _Run:
             except PlantUnstableError as other:
                 again = abs(other.time - error.time) < SAME_TIME * error.time
         return {
-            "verdict": Verdict.UNSTABLE if error.stop.unstable and not again else Verdict.LIMIT,
+            "ending": Ending.UNSTABLE if error.stop.unstable and not again else Ending.LIMIT,
             "reason": str(error),
             "again": again,
             "stop": {"time": error.time, "rod": error.rod, "element": error.element, "mechanism": error.mechanism},
@@ -241,5 +230,5 @@ class _Run:
         }
 
 
-def _state(plant):
+def _state(plant: Plant) -> Iterable[Any]:
     return plant.state().values()

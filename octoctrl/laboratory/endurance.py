@@ -1,15 +1,21 @@
 """Long runs: what ten million steps of a conservative rod leave of energy, momentum and frames, and whether an arm at rest slows down."""
 
 import time
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+from ..progress import Progress
+
+Floats = NDArray[np.float64]
 
 STEPS = 10_000_000
 PULSE, REST = 0.5, 60.0
 """Seconds of an arm's movement, and of the rest after it."""
 
 
-def long_run(steps=STEPS, pieces=20, progress=None):
+def long_run(steps: int = STEPS, pieces: int = 20, progress: Progress | None = None) -> dict[str, float]:
     """A free elastic rod of ten elements tumbles, bends and twists; its section is constant, so that it conserves.
 
     Parameters
@@ -52,7 +58,7 @@ def long_run(steps=STEPS, pieces=20, progress=None):
     }
 
 
-def _momenta(simulation):
+def _momenta(simulation: Any) -> tuple[Floats, Floats]:
     from octoctrl.sim.rod.layout import Row
 
     moving = simulation.node_mass[:, None] * simulation.velocities
@@ -61,7 +67,7 @@ def _momenta(simulation):
     return moving.sum(axis=0), np.cross(simulation.points, moving).sum(axis=0) + spin
 
 
-def settled_speed(progress=None):
+def settled_speed(progress: Progress | None = None) -> dict[str, float]:
     """Whether numbers that fade towards zero (subnormal ones are slow on many processors) slow down an arm that has come to rest.
 
     Parameters
@@ -82,7 +88,7 @@ def settled_speed(progress=None):
     if progress is not None:
         progress.start("an arm at rest for a minute")
 
-    def step_time(activation, before):
+    def step_time(activation: Activation, before: float) -> tuple[Any, float]:
         plant, best = Plant(), np.inf
         plant.advance(activation, before)
         for _ in range(10):

@@ -1,24 +1,26 @@
 """The stability laboratory on a page: the matrix as text, table and picture, what the kinds are, and what stopped."""
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..files.writing import write_figure, write_text
+from ..progress import Progress
 from ..tables import machine, table
-from .endings import COMPARED, PERTURBATION, SENSITIVE, TOLERANCE, Verdict
+from .endings import COMPARED, PERTURBATION, SENSITIVE, TOLERANCE, Ending, Outcome
 from .studies import matrix, read, summary
 from .trials import ASSEMBLY_KINDS, KINDS
 
 MEANING = {
-    Verdict.ACCURATE: f"a run at half the step, made for one run in {COMPARED}, has its tip within {TOLERANCE:.0%} of the length (rms)",
-    Verdict.FINISHED: "to the end; not compared",
-    Verdict.SENSITIVE: "half the step moves the tip by more, and so does everything: a displacement of "
+    Ending.ACCURATE: f"a run at half the step, made for one run in {COMPARED}, has its tip within {TOLERANCE:.0%} of the length (rms)",
+    Ending.FINISHED: "to the end; not compared",
+    Ending.SENSITIVE: "half the step moves the tip by more, and so does everything: a displacement of "
     f"{PERTURBATION:g} of the length grows more than {SENSITIVE:.0f} times, by buckling or whipping",
-    Verdict.INACCURATE: "half the step moves the tip by more, though the motion is not sensitive: `dt` should be smaller",
-    Verdict.REFUSED: "before the first step, with one sentence",
-    Verdict.LIMIT: "by a guard, at a motion that the model or its elements cannot follow: time, rod, element and mechanism are named",
-    Verdict.UNSTABLE: "by a guard, while the motion alternated from step to step, and not so at a quarter of the step",
-    Verdict.UNDETECTED: "numbers that no guard caught and no sensible motion has",
+    Ending.INACCURATE: "half the step moves the tip by more, though the motion is not sensitive: `dt` should be smaller",
+    Ending.REFUSED: "before the first step, with one sentence",
+    Ending.LIMIT: "by a guard, at a motion that the model or its elements cannot follow: time, rod, element and mechanism are named",
+    Ending.UNSTABLE: "by a guard, while the motion alternated from step to step, and not so at a quarter of the step",
+    Ending.UNDETECTED: "numbers that no guard caught and no sensible motion has",
 }
 CHECKS = (
     "numbers are finite",
@@ -41,31 +43,20 @@ FOUND = (
 COLOURS = ("#009E73", "#56B4E9", "#F0E442", "#E69F00", "0.75", "#0072B2", "#D55E00", "#000000")
 
 
-def text(outcomes):
-    """The matrix and the numbers that matter, for people.
-
-    Parameters
-    ----------
-    outcomes : list of Outcome
-
-    Returns
-    -------
-    str
-    """
+def text(outcomes: Sequence[Outcome]) -> str:
+    """The matrix of the `outcomes` and the numbers that matter, for people."""
     used, rows = _rows(outcomes)
-    return "\n".join(
-        [*table(("runs", *(verdict.value for verdict in used), "all"), rows), "", *(f" {line}" for line in _numbers(outcomes))]
-    )
+    return "\n".join([*table(("runs", *(ending.value for ending in used), "all"), rows), "", *(f" {line}" for line in _numbers(outcomes))])
 
 
-def _rows(outcomes):
+def _rows(outcomes: Sequence[Outcome]) -> tuple[list[Ending], list[tuple[str, ...]]]:
     counts = matrix(outcomes)
-    used = [verdict for verdict in Verdict if any(row[verdict.name] for row in counts.values()) or verdict is Verdict.UNDETECTED]
-    rows = [(kind, *(str(row[verdict.name] or "·") for verdict in used), str(sum(row.values()))) for kind, row in counts.items()]
-    return used, [*rows, ("all", *(str(sum(row[verdict.name] for row in counts.values())) for verdict in used), str(len(outcomes)))]
+    used = [ending for ending in Ending if any(row[ending] for row in counts.values()) or ending is Ending.UNDETECTED]
+    rows = [(kind, *(str(row[ending] or "·") for ending in used), str(sum(row.values()))) for kind, row in counts.items()]
+    return used, [*rows, ("all", *(str(sum(row[ending] for row in counts.values())) for ending in used), str(len(outcomes)))]
 
 
-def _numbers(outcomes):
+def _numbers(outcomes: Sequence[Outcome]) -> list[str]:
     numbers = summary(outcomes)
     lines = [
         f"undetected failures: {numbers['undetected']}",
@@ -82,7 +73,7 @@ def _numbers(outcomes):
     return [*lines, f"{numbers['simulated']:.0f} s of arm motion, {numbers['processor_time']:.0f} s of processor time with all checks"]
 
 
-def page(studies, endurance, commands, picture):
+def page(studies: dict[str, list[Outcome]], endurance: tuple[dict[str, float], dict[str, float]], commands: list[str], picture: str) -> str:
     """One page of documentation.
 
     Parameters
@@ -95,10 +86,6 @@ def page(studies, endurance, commands, picture):
         What makes the page.
     picture : str
         Name of the matrix drawn.
-
-    Returns
-    -------
-    str
     """
     described = ", ".join(f"{key} {value}" if key not in ("processor", "system") else value for key, value in machine().items())
     parts = [
@@ -107,11 +94,11 @@ def page(studies, endurance, commands, picture):
         + ", then ".join(f"`{command}`" for command in commands)
         + f" on: {described}. Any run can be repeated: `octoctrl stability --repeat 'all groups:7'`.",
         "Checked in every run that no guard stops: " + "; ".join(CHECKS) + ".",
-        f"![Verdicts by kind of run]({picture})",
+        f"![Endings by kind of run]({picture})",
     ]
     for plant, outcomes in studies.items():
         used, rows = _rows(outcomes)
-        header = ["| runs | " + " | ".join(verdict.value for verdict in used) + " | all |", "|---" * (len(used) + 2) + "|"]
+        header = ["| runs | " + " | ".join(ending.value for ending in used) + " | all |", "|---" * (len(used) + 2) + "|"]
         kinds = KINDS if plant == "rod" else ASSEMBLY_KINDS
         parts += [
             f"## {'The rod' if plant == 'rod' else 'The full arm'}",
@@ -125,17 +112,17 @@ def page(studies, endurance, commands, picture):
             parts.append(
                 "\n".join(f"* {item.kind} {item.number}, {item.simulated:.2f} s: {item.reason or 'finished'}" for item in outcomes)
             )
-    parts += ["## What the columns mean", "\n".join(f"* **{verdict.value}**: {said}" for verdict, said in MEANING.items())]
+    parts += ["## What the columns mean", "\n".join(f"* **{ending.value}**: {said}" for ending, said in MEANING.items())]
     parts += ["## Long runs", _endurance(*endurance), "## What it found", "Mended since, and kept so by `tests/test_laboratory.py`:"]
     return "\n\n".join([*parts, "\n".join(f"* {item};" for item in FOUND[:-1]) + f"\n* {FOUND[-1]}."]) + "\n"
 
 
-def _stops(outcomes):
+def _stops(outcomes: Sequence[Outcome]) -> list[str]:
     mechanisms = Counter(outcome.stop["mechanism"] for outcome in outcomes if outcome.stop)
     return [f"* {count} times an element {mechanism}" for mechanism, count in mechanisms.most_common()]
 
 
-def _endurance(long, settled):
+def _endurance(long: dict[str, float], settled: dict[str, float]) -> str:
     energy = f"energy within {long['energy']:.1%} of its first value, with a trend of {long['energy_trend']:+.1%} over the run"
     frames = f"frames orthonormal to {long['orthonormality']:.0e}"
     momenta = f"momentum kept to {long['momentum']:.0e}, angular momentum to {long['angular_momentum']:.0e} (relative)"
@@ -149,7 +136,7 @@ def _endurance(long, settled):
     )
 
 
-def write(path, outcomes, progress=None):
+def write(path: Path, outcomes: Path, progress: Progress | None = None) -> None:
     """Write the page with its picture, of a file of outcomes and of all others beside it that are of other plants.
 
     Parameters
@@ -162,7 +149,8 @@ def write(path, outcomes, progress=None):
     """
     from .endurance import long_run, settled_speed
 
-    studies, commands = {}, []
+    studies: dict[str, list[Outcome]] = {}
+    commands: list[str] = []
     for file in (Path(outcomes), *sorted(Path(outcomes).parent.glob("stability-*.jsonl"))):
         header, found = read(file)
         if header["plant"] not in studies:
@@ -178,24 +166,18 @@ def write(path, outcomes, progress=None):
     write_text(Path(path), page(studies, endurance, commands[1:] + commands[:1], picture.name))
 
 
-def draw(outcomes, path):
-    """Draw the shares of verdicts by kind.
-
-    Parameters
-    ----------
-    outcomes : list of Outcome
-    path : Path
-    """
+def draw(outcomes: Sequence[Outcome], path: Path) -> None:
+    """Draw the shares of endings of the `outcomes` by kind, into the picture at `path`."""
     from matplotlib.figure import Figure
 
     counts = matrix(outcomes)
     figure = Figure(figsize=(8.6, 0.34 * len(counts) + 1.4), layout="constrained")
     axes, names = figure.subplots(), list(counts)[::-1]
     left = [0.0] * len(names)
-    for verdict, colour in zip(Verdict, COLOURS, strict=True):
-        shares = [counts[name][verdict.name] / sum(counts[name].values()) for name in names]
+    for ending, colour in zip(Ending, COLOURS, strict=True):
+        shares = [counts[name][ending] / sum(counts[name].values()) for name in names]
         if any(shares):
-            axes.barh(names, shares, left=left, color=colour, label=verdict.value)
+            axes.barh(names, shares, left=left, color=colour, label=ending.value)
         left = [before + share for before, share in zip(left, shares, strict=True)]
     axes.set(xlim=(0, 1), xlabel=f"share of runs ({len(outcomes):,} in all)")
     axes.spines[["top", "right"]].set_visible(False)

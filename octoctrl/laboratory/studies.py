@@ -6,23 +6,25 @@ Outcomes are appended to a file of JSON lines, one for each run, so that an inte
 
 import json
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict
 from math import ceil
 from pathlib import Path
+from typing import Any
 
 from octoctrl import __version__
 from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
 
-from ..progress import NullProgress
+from ..progress import NullProgress, Progress
 from ..tables import plain
-from .endings import Outcome, Verdict, perform
-from .trials import ASSEMBLY_KINDS, KINDS, draw
+from .endings import Ending, Outcome, perform
+from .trials import ASSEMBLY_KINDS, KINDS, Trial, draw
 
 PLANTS = {"rod": KINDS, "assembly": ASSEMBLY_KINDS}
 
 
-def schedule(plant, runs):
+def schedule(plant: str, runs: int) -> list[tuple[str, int]]:
     """Kinds and numbers of a study, mixed so that any beginning of it is a small study of its own.
 
     Parameters
@@ -30,10 +32,6 @@ def schedule(plant, runs):
     plant : {"rod", "assembly"}
     runs : int
         At least so many; every kind gets its share of them, rounded up.
-
-    Returns
-    -------
-    list of (str, int)
     """
     check_choice("plant", plant, PLANTS)
     check_number("runs", runs, at_least=1)
@@ -43,7 +41,15 @@ def schedule(plant, runs):
     return sorted(((name, number) for name in kinds for number in range(counts[name])), key=lambda item: (item[1] + 0.5) / counts[item[0]])
 
 
-def study(path, runs, *, plant="rod", seed=0, threads=None, progress=None):
+def study(
+    path: str | Path,
+    runs: int,
+    *,
+    plant: str = "rod",
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> list[Outcome]:
     """Carry out a study, or what is missing of it.
 
     Parameters
@@ -78,9 +84,9 @@ def study(path, runs, *, plant="rod", seed=0, threads=None, progress=None):
             for done, future in enumerate(as_completed(running), start=len(planned) - len(missing) + 1):
                 outcome = future.result()
                 known[outcome.kind, outcome.number] = outcome
-                file.write(json.dumps(plain(asdict(outcome))) + "\n")
+                file.write(json.dumps(plain(written(outcome))) + "\n")
                 file.flush()
-                progress.advance(done, f"{outcome.kind}: {Verdict[outcome.verdict].value}")
+                progress.advance(done, f"{outcome.kind}: {outcome.ending.value}")
     except KeyboardInterrupt:
         pass
     finally:
@@ -89,7 +95,7 @@ def study(path, runs, *, plant="rod", seed=0, threads=None, progress=None):
     return [known[item] for item in planned if item in known]
 
 
-def read(path):
+def read(path: str | Path) -> tuple[dict[str, Any], list[Outcome]]:
     """What a file of outcomes holds.
 
     Parameters
@@ -109,11 +115,11 @@ def read(path):
     """
     try:
         first, *lines = Path(path).read_text(encoding="utf-8").splitlines()
-        header, outcomes = json.loads(first), []
+        header, outcomes = json.loads(first), list[Outcome]()
         header = {"plant": header["plant"], "seed": header["seed"], "version": header["version"]}
         for line in lines:
             try:
-                outcomes.append(Outcome(**json.loads(line)))
+                outcomes.append(_read(json.loads(line)))
             except json.JSONDecodeError:  # cut off when the study was killed; that run is done again
                 continue
     except (OSError, ValueError, TypeError, KeyError) as error:
@@ -121,7 +127,7 @@ def read(path):
     return header, outcomes
 
 
-def _known(path, plant, seed):
+def _known(path: Path, plant: str, seed: int) -> dict[tuple[str, int], Outcome]:
     if not path.exists():
         path.write_text(json.dumps({"plant": plant, "seed": seed, "version": __version__}) + "\n", encoding="utf-8")
         return {}
@@ -136,49 +142,29 @@ def _known(path, plant, seed):
     return {(outcome.kind, outcome.number): outcome for outcome in outcomes}
 
 
-def matrix(outcomes):
-    """Runs by kind and verdict.
-
-    Parameters
-    ----------
-    outcomes : list of Outcome
-
-    Returns
-    -------
-    dict of str to dict of str to int
-        Kinds in the order of their first run, verdicts in that of `Verdict`.
-    """
-    counts = {}
+def matrix(outcomes: Sequence[Outcome]) -> dict[str, dict[Ending, int]]:
+    """How many of the `outcomes` there are by kind and ending."""
+    counts: dict[str, dict[Ending, int]] = {}
     for outcome in outcomes:
-        row = counts.setdefault(outcome.kind, {verdict.name: 0 for verdict in Verdict})
-        row[outcome.verdict] += 1
+        row = counts.setdefault(outcome.kind, dict.fromkeys(Ending, 0))
+        row[outcome.ending] += 1
     known = [*KINDS, *ASSEMBLY_KINDS]
     return {kind: counts[kind] for kind in known if kind in counts}
 
 
-def summary(outcomes):
-    """The numbers that matter.
-
-    Parameters
-    ----------
-    outcomes : list of Outcome
-
-    Returns
-    -------
-    dict
-    """
+def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """The numbers of the `outcomes` that matter."""
     stopped = [outcome for outcome in outcomes if outcome.stop]
-    errors = sorted(outcome.error for outcome in outcomes if outcome.error is not None and outcome.verdict != Verdict.SENSITIVE.name)
+    stops = [outcome.stop for outcome in outcomes if outcome.stop]
+    errors = sorted(outcome.error for outcome in outcomes if outcome.error is not None and outcome.ending is not Ending.SENSITIVE)
     return {
         "runs": len(outcomes),
         "undetected": sum(outcome.undetected for outcome in outcomes),
-        "automatic_steps": sum(outcome.automatic and outcome.verdict != Verdict.REFUSED.name for outcome in outcomes),
-        "automatic_unstable": sum(outcome.automatic and outcome.verdict == Verdict.UNSTABLE.name for outcome in outcomes),
+        "automatic_steps": sum(outcome.automatic and outcome.ending is not Ending.REFUSED for outcome in outcomes),
+        "automatic_unstable": sum(outcome.automatic and outcome.ending is Ending.UNSTABLE for outcome in outcomes),
         "stopped": len(stopped),
         "stopped_at_quarter_step_too": sum(bool(outcome.again) for outcome in stopped),
-        "stops_without_a_place": sum(
-            any(outcome.stop.get(key) is None for key in ("time", "rod", "element", "mechanism")) for outcome in stopped
-        ),
+        "stops_without_a_place": sum(any(stop.get(key) is None for key in ("time", "rod", "element", "mechanism")) for stop in stops),
         "compared_with_half_the_step": len(errors),
         "median_error": errors[len(errors) // 2] if errors else None,
         "error_of_95_percent": errors[int(0.95 * len(errors))] if errors else None,
@@ -187,21 +173,22 @@ def summary(outcomes):
     }
 
 
-def content(outcomes):
-    """All that is reported, as plain data.
-
-    Parameters
-    ----------
-    outcomes : list of Outcome
-
-    Returns
-    -------
-    dict
-    """
-    return {"summary": summary(outcomes), "matrix": matrix(outcomes)}
+def content(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """All that is reported of the `outcomes`, as plain data."""
+    counts = {kind: {ending.name: count for ending, count in row.items()} for kind, row in matrix(outcomes).items()}
+    return {"summary": summary(outcomes), "matrix": counts}
 
 
-def repeat(name, seed=0):
+def written(outcome: Outcome) -> dict[str, Any]:
+    """An `outcome` as plain data, its ending by name."""
+    return asdict(outcome) | {"ending": outcome.ending.name}
+
+
+def _read(fields: dict[str, Any]) -> Outcome:
+    return Outcome(**fields | {"ending": Ending[fields["ending"]]})
+
+
+def repeat(name: str, seed: int = 0) -> tuple[Trial, Outcome]:
     """Do one trial again.
 
     Parameters
@@ -209,11 +196,6 @@ def repeat(name, seed=0):
     name : str
         ``KIND:NUMBER``.
     seed : int
-
-    Returns
-    -------
-    trial : octoctrl.laboratory.trials.Trial
-    outcome : Outcome
 
     Raises
     ------

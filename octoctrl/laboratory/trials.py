@@ -3,12 +3,14 @@
 A trial is only a description; arms that cannot be built are part of the game, and building them is where they must be refused.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp, log
+from typing import Any
 from zlib import crc32
 
 import numpy as np
+from numpy.random import Generator
 
 from octoctrl.sim.activation import Activation, Plateau, Wave
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
@@ -40,7 +42,7 @@ class Trial:
     kind: str
     number: int
     duration: float = 0.5
-    arm: dict = field(default_factory=dict)
+    arm: dict[str, Any] = field(default_factory=dict)
     water: float | None = 1.0
     activation: Activation = field(default=Activation())
     stretch: float = 1.0
@@ -53,32 +55,21 @@ class Kind:
 
     share: int
     description: str
-    draw: Callable
+    draw: Callable[[Generator, int], dict[str, Any]]
 
 
-def draw(kind, seed, number):
-    """The trial of this kind, seed and number.
-
-    Parameters
-    ----------
-    kind : str
-        Of `KINDS` or `ASSEMBLY_KINDS`.
-    seed, number : int
-
-    Returns
-    -------
-    Trial
-    """
+def draw(kind: str, seed: int, number: int) -> Trial:
+    """The trial of this `kind`, of `KINDS` or `ASSEMBLY_KINDS`, `seed` and `number`."""
     known = KINDS | ASSEMBLY_KINDS
     return Trial(kind=kind, number=number, **known[kind].draw(np.random.default_rng([seed, crc32(kind.encode()), number]), number))
 
 
-def _between(random, low, high):
+def _between(random: Generator, low: float, high: float) -> float:
     """A number whose logarithm is uniform."""
     return exp(random.uniform(log(low), log(high)))
 
 
-def _arm(random, **changes):
+def _arm(random: Generator, **changes: Any) -> dict[str, Any]:
     """An arm of 2 cm to 1 m, slender or stout, soft or stiff, light or heavy, coarse or fine, weak or strong."""
     length, strength = _between(random, 0.02, 1.0), _between(random, 0.3, 2.0)
     radius, modulus = length * _between(random, 0.02, 0.12), _between(random, 2e3, 1e5)
@@ -102,12 +93,19 @@ def _arm(random, **changes):
     } | changes
 
 
-def _some(random, share=0.7):
+def _some(random: Generator, share: float = 0.7) -> list[str]:
     groups = [group for group in MUSCLE_GROUPS if random.uniform() < share]
     return groups or [str(random.choice(MUSCLE_GROUPS))]
 
 
-def _activation(random, duration, *, level=1.0, rise=(1e-3, 0.5), groups=None):
+def _activation(
+    random: Generator,
+    duration: float,
+    *,
+    level: float = 1.0,
+    rise: tuple[float, float] = (1e-3, 0.5),
+    groups: Sequence[str] | None = None,
+) -> Activation:
     """Every group at its own random level, rate and onset, some of them released again."""
     drives = [
         Plateau(
@@ -123,24 +121,24 @@ def _activation(random, duration, *, level=1.0, rise=(1e-3, 0.5), groups=None):
     return Activation(templates=tuple(drives))
 
 
-def _gentle(random, number):
+def _gentle(random: Generator, number: int) -> dict[str, Any]:
     return {"arm": _arm(random), "activation": _activation(random, 1.0, level=0.3, rise=(0.1, 0.5)), "duration": 1.0}
 
 
-def _all_groups(random, number):
+def _all_groups(random: Generator, number: int) -> dict[str, Any]:
     return {"arm": _arm(random), "activation": _activation(random, 0.5)}
 
 
-def _step(number):
+def _step(number: int) -> Activation:
     """One group at level 1 at once, the groups in turn."""
     return Activation(templates=(Plateau(groups=(MUSCLE_GROUPS[number % len(MUSCLE_GROUPS)],), level=1.0, rise=1e-6, onset=0.05),))
 
 
-def _full_step(random, number):
+def _full_step(random: Generator, number: int) -> dict[str, Any]:
     return {"arm": _arm(random), "activation": _step(number)}
 
 
-def _waves(random, number):
+def _waves(random: Generator, number: int) -> dict[str, Any]:
     arm = _arm(random)
     waves = [
         Wave(
@@ -155,15 +153,15 @@ def _waves(random, number):
     return {"arm": arm, "activation": Activation(templates=tuple(waves))}
 
 
-def _given_step(random, number):
+def _given_step(random: Generator, number: int) -> dict[str, Any]:
     return _all_groups(random, number) | {"step": _between(random, 0.05, 1.0)}
 
 
-def _huge_step(random, number):
+def _huge_step(random: Generator, number: int) -> dict[str, Any]:
     return _all_groups(random, number) | {"step": _between(random, 1.001, 1e4)}
 
 
-def _tiny_tip(random, number):
+def _tiny_tip(random: Generator, number: int) -> dict[str, Any]:
     """The octopus arm, equal elements, its last one 0.2 mm long, or graded so that it is."""
     length, grading = 0.2, float(random.choice([0.0, 1.0]))
     taper = _between(random, 4.0, 20.0)
@@ -173,29 +171,29 @@ def _tiny_tip(random, number):
     return {"arm": arm, "activation": _activation(random, 0.2), "duration": 0.2}
 
 
-def _stretched(random, number):
+def _stretched(random: Generator, number: int) -> dict[str, Any]:
     return {"arm": _arm(random), "stretch": 1.3}
 
 
-def _stretched_active(random, number):
+def _stretched_active(random: Generator, number: int) -> dict[str, Any]:
     return {"arm": _arm(random), "stretch": 1.3, "activation": _activation(random, 0.5)}
 
 
-def _water(random, number):
+def _water(random: Generator, number: int) -> dict[str, Any]:
     factor = None if random.uniform() < 0.5 else _between(random, 1e-3, 1e3)
     return {"arm": _arm(random), "water": factor, "activation": _activation(random, 0.5)}
 
 
-def _settling(random, number):
+def _settling(random: Generator, number: int) -> dict[str, Any]:
     """Constant levels: the muscles' work is bounded, so that the arm must come to rest."""
     drives = [Plateau(groups=(group,), level=float(random.uniform(0.1, 1.0)), rise=0.2) for group in _some(random, 0.4)]
     return {"arm": _arm(random, elements=int(_between(random, 16, 64))), "activation": Activation(templates=tuple(drives)), "duration": 6.0}
 
 
-NONSENSE = (0.0, -1.0, float("nan"), float("inf"), 1e-300, 1e300, -1e-9, "long", None)
+NONSENSE: tuple[Any, ...] = (0.0, -1.0, float("nan"), float("inf"), 1e-300, 1e300, -1e-9, "long", None)
 
 
-def _nonsense(random, number):
+def _nonsense(random: Generator, number: int) -> dict[str, Any]:
     """One field of an arm that can be built is replaced by something absurd."""
     arm = _arm(random)
     name = str(random.choice(list(arm)))
@@ -223,11 +221,11 @@ KINDS = {
 """Trials of the rod."""
 
 
-def _assembly_full_step(random, number):
+def _assembly_full_step(random: Generator, number: int) -> dict[str, Any]:
     return {"activation": _step(number)}
 
 
-def _assembly_all_groups(random, number):
+def _assembly_all_groups(random: Generator, number: int) -> dict[str, Any]:
     return {"activation": _activation(random, 10.0, rise=(0.02, 2.0), groups=MUSCLE_GROUPS), "duration": 10.0}
 
 
