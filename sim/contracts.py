@@ -52,33 +52,47 @@ class Motion(NamedTuple):
 
 
 class Core(Protocol):
-    """The compiled part of a plant: what moves, at the step of a clock. `octoctrl.sim.running.plant.Plant` makes a plant of it.
+    """The compiled part of a plant: what moves, at the step of a clock. `octoctrl.sim.running.plant.Plant` makes a plant of it."""
 
-    Attributes
-    ----------
-    model : str
-        Name of the model with its numerics, as written into saved states.
-    arm : Arm
-    scene : Scene
-    partitions : mapping of str to (n + 1,) float64, m
-        Edges of the cells in which levels are read; ``"arm"``, whose cells are the elements of the axis, comes first.
-    limit : StepLimit
-    usual : float, s
-        Step that ``dt="auto"`` takes at most.
-    finer : tuple of int
-        Parts of the step at which ``dt="auto"`` tries a sample again before it stops; empty for never.
-    period : float, s
-        Usual time between corrections by feedback.
-    """
+    @property
+    def model(self) -> str:
+        """Name of the model with its numerics, as written into saved states."""
+        ...
 
-    model: str
-    arm: "Arm"
-    scene: "Scene"
-    partitions: State
-    limit: "StepLimit"
-    usual: float
-    finer: tuple[int, ...]
-    period: float
+    @property
+    def arm(self) -> "Arm":
+        """The arm."""
+        ...
+
+    @property
+    def scene(self) -> "Scene":
+        """What is around it."""
+        ...
+
+    @property
+    def partitions(self) -> State:
+        """Edges (n + 1,) of the cells in which levels are read, m; ``"arm"``, whose cells are the elements of the axis, comes first."""
+        ...
+
+    @property
+    def limit(self) -> "StepLimit":
+        """Predicted largest stable step at rest."""
+        ...
+
+    @property
+    def usual(self) -> float:
+        """Step that ``dt="auto"`` takes at most, s."""
+        ...
+
+    @property
+    def finer(self) -> tuple[int, ...]:
+        """Parts of the step at which ``dt="auto"`` tries a sample again before it stops; empty for never."""
+        ...
+
+    @property
+    def period(self) -> float:
+        """Usual time between corrections by feedback, s."""
+        ...
 
     def start(self, clock: "Clock") -> None:
         """Set all that depends on the step."""

@@ -222,7 +222,7 @@ class _Run:
             except PlantUnstableError as other:
                 again = abs(other.time - error.time) < SAME_TIME * error.time
         return {
-            "ending": Ending.UNSTABLE if error.stop.unstable and not again else Ending.LIMIT,
+            "ending": Ending.UNSTABLE if error.stop and error.stop.unstable and not again else Ending.LIMIT,
             "reason": str(error),
             "again": again,
             "stop": {"time": error.time, "rod": error.rod, "element": error.element, "mechanism": error.mechanism},

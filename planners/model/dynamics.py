@@ -51,7 +51,7 @@ def statics(structure: Structure) -> ca.Function:
     strains, levels = ca.MX.sym("strains", 4, structure.sections), ca.MX.sym("levels", GROUPS, structure.sections)
     common, constants = ca.MX.sym("factors", len(FACTORS)), ca.DM(section_constants(structure.arm, structure.sections))
     every = section.map("sections", "serial", structure.sections, [3], [])
-    return ca.Function("statics", [strains, levels, common], every(strains, levels, constants, common))
+    return ca.Function("statics", [strains, levels, common], list(every(strains, levels, constants, common)))
 
 
 @lru_cache(maxsize=16)

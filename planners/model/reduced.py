@@ -112,6 +112,8 @@ class ReducedModel:
         """What the CasADi functions of this model are built for; models that differ only in parameters share them."""
         from .dynamics import Structure
 
+        assert self.scene.water is not None  # checked when the model was made
+
         return Structure(self.arm, self.scene.water, self.laws, self.sections)
 
     @property
@@ -297,9 +299,9 @@ class ReducedModel:
 
     def recording(self, time: ArrayLike, strains: ArrayLike) -> Recording:
         """The motion as a plant would have recorded it, without levels, as an `octoctrl.sim.running.recording.Recording`."""
-        edges, frames = self.arm.edges, self.frames(strains)
+        edges, frames, time = self.arm.edges, self.frames(strains), np.asarray(time, dtype=float)
         return Recording(
-            time=np.asarray(time, dtype=float), points=element_points(strains, frames, edges, self.edges), frames=frames,
+            time=time, points=element_points(strains, frames, edges, self.edges), frames=frames,
             stations=self.stations, stretch=np.asarray(strains)[..., 3] @ hat_means(edges, self.edges).T,
             levels=np.zeros((len(time), len(MUSCLE_GROUPS), len(edges) - 1)),
         )  # fmt: skip
@@ -319,6 +321,7 @@ class ReducedModel:
         -------
         (..., S, 4) float64
         """
+        stations = np.asarray(stations, dtype=float)
         if np.shape(frames)[-3:] != (len(stations), 3, 3) or np.shape(stretch)[-1] != len(stations) - 2:
             raise OctoctrlError(
                 f"frames {np.shape(frames)} and stretch {np.shape(stretch)} do not fit {len(stations)} stations: base, element centres, tip"

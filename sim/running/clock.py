@@ -139,7 +139,7 @@ class Clock:
 
     def instants(self, first: int, count: int) -> Floats:
         """Times (count + 1,) of sample `first` and the `count` that follow, s."""
-        return (first + np.arange(count + 1)) * self.sample
+        return np.arange(first, first + count + 1) * np.float64(self.sample)
 
 
 def choose_step(dt: float | Literal["auto"], limit: StepLimit, usual: float | None = None) -> float:

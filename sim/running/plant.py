@@ -206,7 +206,10 @@ class Plant:
         OctoctrlError
             As `advance` does.
         """
-        source = levels if callable(getattr(levels, "levels", None)) else Held.of(levels, self.edges, layout=self.arm.layout)  # type: ignore[arg-type]
+        named: Any = levels
+        source: ActivationSource = (
+            named if callable(getattr(levels, "levels", None)) else Held.of(named, self.edges, layout=self.arm.layout)
+        )
         left = self._clock.samples(duration)
         while left:
             count = min(self._clock.chunk, left)
@@ -283,7 +286,8 @@ class Plant:
         """
         if Path(path).suffix != ".npz":
             raise OctoctrlError(f"unknown format '{Path(path).suffix}'; use .npz")
-        np.savez(path, **self.state(), **self._identity())
+        arrays: dict[str, Any] = {**self.state(), **self._identity()}
+        np.savez(path, **arrays)
 
     def load(self, path: str | Path) -> Observation:
         """Read a state written by `save`.
