@@ -1,6 +1,7 @@
 """What the parts of the physical world ask of each other: protocols that an object of one's own may fulfil."""
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -36,6 +37,8 @@ class Motion(NamedTuple):
     points : (T, n + 1, 3) float64, m
     frames : (T, n, 3, 3) float64
     stretch : (T, n) float64
+    series : mapping of str to (T, ...) float64
+        What else is kept, see `Core.series`.
     finding : Finding
         `Finding.FINE` if all samples were done; else what ended the sample after the last.
     rod : str
@@ -46,6 +49,7 @@ class Motion(NamedTuple):
     points: Floats
     frames: Floats
     stretch: Floats
+    series: State = MappingProxyType({})
     finding: Finding = Finding.FINE
     rod: str = "arm"
     element: int = 0
@@ -108,6 +112,10 @@ class Core(Protocol):
 
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities of the points (n + 1, 3), m/s, and spins of the elements about their directors (n, 3), rad/s."""
+        ...
+
+    def series(self) -> State:
+        """What is kept of the present instant beside the shape, by name; empty where there is nothing more."""
         ...
 
     def move(self, first: int, levels: State, clock: "Clock") -> Motion:

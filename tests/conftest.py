@@ -125,7 +125,7 @@ def coil_execution(plan, *, bend=1.0, twist=1.0, until=DURATION, **changes):
         stations=stations,
         stretch=np.repeat(strains[:, :1, 3], plan.arm.elements, axis=1),
         levels=plan.schedule.activation().levels(time, edges),
-        energy={"kinetic": np.zeros(len(time))},
+        series={"volume": np.ones(len(time))},
         complete=until == DURATION,
     )
     ends = [*list(BEGINS.values())[1:], DURATION]

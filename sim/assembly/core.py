@@ -150,6 +150,10 @@ class AssemblyCore:
         frames = np.stack([self.rods.straight(AssemblyRow.Q11 + i)[0] for i in range(9)], axis=1).reshape(-1, 3, 3)
         return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self.geometry.straight.length[0]
 
+    def series(self) -> State:
+        """Nothing beside the shape."""
+        return {}
+
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities and spins of the nerve cord now."""
         velocities = np.stack([self.rods.straight(AssemblyRow.V1 + i, nodes=True)[0] for i in range(3)], axis=1)
@@ -219,7 +223,7 @@ class AssemblyCore:
             rods.ring_index, rods.helix_index, points, frames, stretch, watch,
         )  # fmt: skip
         rod, element = self.place(family, int(where)) if finding else ("", 0)
-        return Motion(points[:done], frames[:done], stretch[:done], Finding(finding), rod, element)
+        return Motion(points[:done], frames[:done], stretch[:done], finding=Finding(finding), rod=rod, element=element)
 
     def explain(self, before: State, first: int, levels: State, motion: Motion, clock: Clock) -> Stop:
         """Go again and look after every step where it began: within a sample the damage spreads over the whole arm."""

@@ -185,6 +185,10 @@ class RodCore:
         frames = rows[Row.Q11 : Row.Q33 + 1, 1 : n + 1].T.reshape(n, 3, 3)
         return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self._lengths
 
+    def series(self) -> State:
+        """Nothing beside the shape."""
+        return {}
+
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities (n + 1, 3) of the nodes and spins (n, 3) of the elements now."""
         n, rows = self.elements, self.rows
@@ -198,7 +202,7 @@ class RodCore:
         n, samples = self.elements, len(levels) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         done, finding, element = self._step(self._h, steps, levels, points, frames, stretch)
-        return Motion(points[:done], frames[:done], stretch[:done], Finding(finding), "arm", int(element) - 1)
+        return Motion(points[:done], frames[:done], stretch[:done], finding=Finding(finding), element=int(element) - 1)
 
     def _step(self, h: float, steps: int, levels: Floats, points: Floats, frames: Floats, stretch: Floats) -> tuple[int, int, int]:
         """The compiled loop: `steps` of h in each sample -> samples done, finding, element."""

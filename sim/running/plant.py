@@ -369,6 +369,7 @@ class Plant:
             stations=self._stations,
             stretch=motion.stretch[keep],
             levels=levels[1 : len(index) + 1][keep],
+            series={name: values[keep] for name, values in motion.series.items()},
         )
 
     def _now(self, levels: Floats) -> Recording:
@@ -380,6 +381,7 @@ class Plant:
             stations=self._stations,
             stretch=stretch[None],
             levels=levels[None],
+            series={name: np.asarray(value, dtype=float)[None] for name, value in self._core.series().items()},
         )
 
 

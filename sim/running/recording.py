@@ -26,8 +26,8 @@ class Recording(Record):
         Length over rest length of each element.
     levels : (T, 11, n) float64
         Activation in force, by group of `octoctrl.sim.body.arm.MUSCLE_GROUPS` and element.
-    energy : dict of str to (T,) float64, J
-        Kinetic energy, elastic energy and the running integrals of muscle and drag work.
+    series : dict of str to (T, ...) float64
+        What else the plant keeps, by name; `octoctrl.sim.contracts.Core.series` of each plant says what that is.
     complete : bool
         False when the run was cut short; `note` says by what.
     note : str
@@ -39,7 +39,7 @@ class Recording(Record):
     stations: np.ndarray
     stretch: np.ndarray
     levels: np.ndarray
-    energy: dict[str, np.ndarray] = field(default_factory=dict)
+    series: dict[str, np.ndarray] = field(default_factory=dict)
     complete: bool = True
     note: str = ""
 
@@ -48,6 +48,9 @@ class Recording(Record):
         for name in ("points", "frames", "stretch", "levels"):
             if len(getattr(self, name)) != count:
                 raise OctoctrlError(f"recording: {name} has {len(getattr(self, name))} instants, time has {count}")
+        for name, values in self.series.items():
+            if len(values) != count:
+                raise OctoctrlError(f"recording: series '{name}' has {len(values)} instants, time has {count}")
 
     @classmethod
     def joined(cls, pieces):
@@ -69,13 +72,15 @@ class Recording(Record):
             name: np.concatenate([getattr(piece, name)[skip:] for piece, skip in zip(pieces, skips, strict=True)])
             for name in ("time", "points", "frames", "stretch", "levels")
         }
-        return replace(pieces[0], **fields)
+        kept = [name for name in pieces[0].series if all(name in piece.series for piece in pieces)]
+        series = {name: np.concatenate([piece.series[name][skip:] for piece, skip in zip(pieces, skips, strict=True)]) for name in kept}
+        return replace(pieces[0], **fields, series=series)
 
     def until(self, time):
         """The recording up to `time` (s), included."""
         kept = int(np.searchsorted(self.time, time + 1e-9))
         cut = {name: getattr(self, name)[:kept] for name in ("time", "points", "frames", "stretch", "levels")}
-        return replace(self, **cut, energy={name: series[:kept] for name, series in self.energy.items()})
+        return replace(self, **cut, series={name: values[:kept] for name, values in self.series.items()})
 
     @property
     def length(self):
