@@ -2,14 +2,20 @@
 
 import os
 import platform
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import metadata
+from importlib import import_module, metadata
+from typing import Any
 
 import numpy as np
 
 from octoctrl import __version__
-from octoctrl.sim.body.arm import MUSCLE_GROUPS
+from octoctrl.planners.asking.task import Task
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.plants import PLANTS, Plant, PlantRow
+
+from .files.configuration import Configuration
 
 TIP = (0.0010519501, 0.1969863938, 0.0)
 """Where the default arm's tip stands after 0.1 s of LM1 at 0.3, m: x towards LM1, y along the arm."""
@@ -35,26 +41,21 @@ class Findings:
     rows: tuple[tuple[str, str, str], ...]
 
     @property
-    def sound(self):
+    def sound(self) -> bool:
         """Whether nothing is wrong."""
         return all(mark != "NOT WELL" for *_, mark in self.rows)
 
-    def __str__(self):
+    def __str__(self) -> str:
         width, marks = max(len(what) for what, *_ in self.rows), max(len(mark) for *_, mark in self.rows)
         return "\n".join([self.title, *(f" {what:{width}}   {mark:{marks}}   {found}".rstrip() for what, found, mark in self.rows)])
 
-    def content(self):
-        """The lines as plain data, a dict."""
+    def content(self) -> dict[str, dict[str, str]]:
+        """The lines as plain data."""
         return {what: {"found": found, "mark": mark} for what, found, mark in self.rows}
 
 
-def installation():
-    """Check versions, cache of compiled code, solver and plant.
-
-    Returns
-    -------
-    Findings
-    """
+def installation() -> Findings:
+    """Check versions, cache of compiled code, solver and plant."""
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "numba", "casadi", "scipy", "control", "matplotlib"))
     rows = [
         ("octoctrl", f"{__version__}, Python {platform.python_version()}, {platform.system()}", "well"),
@@ -69,36 +70,34 @@ def installation():
     return Findings(title="Installation", rows=tuple(rows))
 
 
-def compiled():
-    """Which plants are compiled and on disk.
-
-    Returns
-    -------
-    dict of str to bool
-    """
-    from octoctrl.sim.assembly.stepping import assembly_stepper
+def compiled() -> dict[str, bool]:
+    """Which plants are compiled and on disk, by name; those without compiled code are left out."""
     from octoctrl.sim.compiler import cache_folder
-    from octoctrl.sim.rod.stepping import muscular_stepper
 
-    def kept(stepper):
-        folder = cache_folder(stepper)
-        return folder is not None and any(folder.glob(f"stepping.{stepper.__name__}*advance*.nbc"))
+    def kept(stepper: Callable[..., Any]) -> bool:
+        folder, module = cache_folder(stepper), stepper.__module__.rpartition(".")[2]
+        return folder is not None and any(folder.glob(f"{module}.{stepper.__name__}*advance*.nbc"))
 
-    return {"rod": kept(muscular_stepper), "assembly": kept(assembly_stepper)}
+    return {name: kept(_stepper(row)) for name, row in PLANTS.items() if row.compiled}
 
 
-def _cache():
+def _stepper(row: PlantRow) -> Callable[..., Any]:
+    module, _, name = row.compiled.partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), name)
+    return found
+
+
+def _cache() -> str:
     from octoctrl.sim.compiler import cache_folder
-    from octoctrl.sim.rod.stepping import muscular_stepper
 
-    folder = cache_folder(muscular_stepper)
+    folder = cache_folder(_stepper(PLANTS["rod"]))
     if folder is None or not os.access(folder, os.W_OK):
         raise OctoctrlError("no folder for compiled code can be written, so that every start compiles; set NUMBA_CACHE_DIR to one that can")
     state = [f"{name} {'kept on disk' if done else f'not yet (octoctrl warmup --plant {name})'}" for name, done in compiled().items()]
     return f"folder can be written; {', '.join(state)}"
 
 
-def _solver():
+def _solver() -> str:
     import casadi as ca
 
     x = ca.SX.sym("x", 5)
@@ -110,9 +109,8 @@ def _solver():
     return "IPOPT solves a problem of five nodes"
 
 
-def _plant():
-    from octoctrl.sim.activation import Activation, Plateau
-    from octoctrl.sim.plants import Plant
+def _plant() -> str:
+    from octoctrl.sim.activation import Plateau
 
     plant = Plant()
     plant.advance(Activation(templates=(Plateau(groups=("LM1",), level=0.3),)), 0.1)
@@ -124,136 +122,98 @@ def _plant():
     return f"0.1 s of motion end within {1e9 * TIP_TOLERANCE:.0f} nm of the stored place"
 
 
-def needs(configuration):
-    """Say what a task needs, what is left out for it, which step binds, and how long a run will take.
-
-    Parameters
-    ----------
-    configuration : Configuration
-
-    Returns
-    -------
-    Findings
-    """
-    from octoctrl.sim.plants import PLANTS, make_plant
-
+def needs(configuration: Configuration) -> Findings:
+    """Say what the task of a `configuration` needs, what is left out for it, which step binds, and how long a run will take."""
     task, name = configuration.task, configuration.run.plant
     activation, duration = _guess(task)
-    plant = make_plant(name, configuration.arm, configuration.scene)
-    rows = [("plant", f"{name}: {PLANTS[name].text}", "needed"), *_features(plant, activation.groups)]
-    rows += [("step", step_text(plant), ""), ("run time", _run_time(plant, activation, duration), "")]
+    row, plant = PLANTS[name], Plant(configuration.arm, configuration.scene, name)
+    rows = [("plant", f"{name}: {row.text}", "needed"), *_features(plant, row, activation.groups)]
+    rows += [("step", step_text(plant), ""), ("run time", _run_time(plant, row, activation, duration), "")]
     return Findings(title=f"Task '{task.name}'", rows=tuple(rows))
 
 
-def _guess(task):
+def _guess(task: Task) -> tuple[Activation, float]:
     """Activation and duration of a task at the numbers with which planning starts."""
     from octoctrl.planners.asking.schedule import Schedule
 
-    begins, duration = {}, 0.0
+    begins, duration = dict[str, float](), 0.0
     for phase in task.phases:
         begins[phase.name], duration = duration, duration + phase.duration
     return Schedule(primitives=tuple(drive.at(begins, {}) for drive in task.drives), duration=duration).activation(), duration
 
 
-def _features(plant, groups):
+def _features(plant: Plant, row: PlantRow, groups: Sequence[str]) -> list[tuple[str, str, str]]:
     """Lines on what is computed and what not."""
-    full, water = plant.model != "rod", plant.scene.water
-    resting = tuple(group for group in MUSCLE_GROUPS if group not in groups)
+    water = plant.scene.water
+    resting = ", ".join(group for group in plant.arm.layout.names if group not in groups)
     every = 1e3 * plant.record_every * plant.sample_interval
     rows = [("muscles", f"{', '.join(groups) or 'none'}: active law while they pull", "needed")]
-    if resting and full:
-        rows.append(("muscles at rest", f"{', '.join(resting)}: evaluated with the others of their family", "needed"))
+    if resting and row.law_of_each:
+        rows.append(("muscles at rest", f"{resting}: passive stress, no active law", "left out"))
     elif resting:
-        rows.append(("muscles at rest", f"{', '.join(resting)}: passive stress, no active law", "left out"))
+        rows.append(("muscles at rest", f"{resting}: evaluated with the others of their family", "needed"))
     if water is None or water.factor == 0:
         rows.append(("water", "a vacuum: no drag", "left out"))
     else:
         rows.append(("water", f"quadratic and linear drag, factor {water.factor:g}", "needed"))
-    if not full:
-        rows.append(("rings, helices, cord", "lumped into the section of one rod", "left out"))
+    if row.lumped:
+        rows.append((row.lumped, "lumped into the section of one rod", "left out"))
     nothing = "no such code: costs nothing and hinders nothing"
     return [
         *rows,
         ("contact, friction", f"obstacles and objects: {nothing}", "left out"),
-        ("self-contact", f"{'between sections of the arm: ' if full else ''}{nothing}; crossings are counted", "left out"),
+        ("self-contact", f"{'' if row.lumped else 'between sections of the arm: '}{nothing}; crossings are counted", "left out"),
         ("third dimension", "always computed", "needed"),
         ("recording", f"points, frames, stretch, levels every {every:g} ms; no energies", "needed"),
     ]
 
 
-def step_text(plant):
-    """The step in use, against the predicted limit, with the reason for it.
-
-    Parameters
-    ----------
-    plant : Plant
-
-    Returns
-    -------
-    str
-    """
-    from octoctrl.sim.rod.core import LARGEST_STEP
+def step_text(plant: Plant) -> str:
+    """The step in use by a `plant`, against the predicted limit, with the reason for it."""
     from octoctrl.sim.running.clock import SAFETY
 
-    limit, share = plant.limit, plant.h / plant.limit.step
-    if plant.model != "rod":
+    limit, usual, share = plant.limit, plant.core.usual, plant.h / plant.limit.step
+    if not np.isclose(usual, SAFETY * limit.step) and usual > SAFETY * limit.step:
         return f"{1e3 * plant.h:.3g} ms; the largest allowed is {1e3 * limit.step:.3g} ms ({limit.mechanism})"
-    if plant.sample_interval < SAFETY * limit.step:
+    if plant.sample_interval < usual:
         reason = f"one per sample of {1e3 * plant.sample_interval:g} ms"
-    elif SAFETY * limit.step > LARGEST_STEP:
-        reason = f"held at {1e3 * LARGEST_STEP:g} ms, which the onset of muscles needs"
+    elif usual < SAFETY * limit.step:
+        reason = f"held at {1e3 * usual:g} ms, which the onset of muscles needs"
     else:
         reason = f"{SAFETY:g} of it in whole steps per sample"
     where = f"{limit.mechanism}, element {limit.element + 1} of {plant.elements}"
     return f"{1e3 * plant.h:.3g} ms; predicted limit {1e3 * limit.step:.3g} ms ({where}); {share:.2f} of it: {reason}"
 
 
-def _run_time(plant, activation, duration):
+def _run_time(plant: Plant, row: PlantRow, activation: Activation, duration: float) -> str:
     """What a run of `duration` will take, from a short stretch of it."""
     from .tables import fastest
 
-    if plant.model != "rod" and not compiled()["assembly"]:
-        return "not known before it is compiled: octoctrl warmup --plant assembly"
-    stretch = STRETCH if plant.model == "rod" else plant.sample_interval
-    plant.advance(activation, stretch)
-    spent, _ = fastest(lambda: plant.advance(activation, stretch), 5 if plant.model == "rod" else 1)
+    if row.compiled and not compiled()[row.name] and row.name != "rod":
+        return f"not known before it is compiled: octoctrl warmup --plant {row.name}"
+    plant.advance(activation, plant.sample_interval)
+    once, _ = fastest(lambda: plant.advance(activation, plant.sample_interval), 1)
+    # Several short stretches of a plant that is fast, one sample of one that is not.
+    stretch, times = (STRETCH, 5) if once < plant.sample_interval else (plant.sample_interval, 1)
+    spent, _ = fastest(lambda: plant.advance(activation, stretch), times)
     return f"about {spent / stretch * duration:.2g} s for {duration:.3g} s of motion ({stretch / spent:.2g} x real time), without feedback"
 
 
-def plan_header(configuration):
-    """One line on what a plan takes into account.
-
-    Parameters
-    ----------
-    configuration : Configuration
-
-    Returns
-    -------
-    str
-    """
+def plan_header(configuration: Configuration) -> str:
+    """One line on what a plan of a `configuration` takes into account."""
     activation, duration = _guess(configuration.task)
     drag = "no drag" if configuration.scene.water is None else "drag"
     return (
-        f"reduced model: {len(activation.groups)} of {len(MUSCLE_GROUPS)} muscle groups, {drag}, no inertia, no contact; "
+        f"reduced model: {len(activation.groups)} of {len(configuration.arm.layout)} muscle groups, {drag}, no inertia, no contact; "
         f"{len(configuration.task.phases)} phases, {duration:.3g} s at first"
     )
 
 
-def header(plant, groups):
-    """One line on what a run computes.
-
-    Parameters
-    ----------
-    plant : Plant
-    groups : tuple of str
-        Active muscle groups.
-
-    Returns
-    -------
-    str
-    """
+def header(plant: Plant, groups: Sequence[str]) -> str:
+    """One line on what a run on a `plant` with these active `groups` of muscles computes."""
     water = plant.scene.water is not None and plant.scene.water.factor > 0
+    active, drag = f"{len(groups)} of {len(plant.arm.layout)} muscle groups active", "drag" if water else "no drag"
     return (
-        f"{plant.model} plant: {len(groups)} of {len(MUSCLE_GROUPS)} muscle groups active, {'drag' if water else 'no drag'}, no contact; "
+        f"{plant.model} plant: {active}, {drag}, no contact; "
         f"step {1e3 * plant.h:.3g} ms, {plant.h / plant.limit.step:.2f} of the limit ({plant.limit.mechanism})"
     )

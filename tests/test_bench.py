@@ -150,3 +150,14 @@ def test_a_child_process_reports_time_and_memory():
     assert wall > 0 and spent > 0 and 50 < memory < 500
     with pytest.raises(OctoctrlError, match="start-up failed: ZeroDivisionError"):
         child("1 / 0")
+
+
+@pytest.mark.parametrize("part", [benchmark_precision.rod_precision, benchmark_precision.reduced_precision])
+def test_parts_run_and_errors_fall_with_the_step(monkeypatch, part):
+    monkeypatch.setattr(benchmark_precision, "programmes", lambda full: {"bend": (BEND, 0.4)})
+    table = part()
+    tip = table.columns.index("tip max, %L")
+    found = [row[tip] for row in table.rows if row[tip] is not None]
+    assert len(found) >= 4 and all(error >= 0 for error in found) and str(table).count("bend") == len(table.rows)
+    if part is benchmark_precision.reduced_precision:
+        assert found == sorted(found, reverse=True) and found[0] > 4 * found[-1]

@@ -49,7 +49,7 @@ def test_groups_at_rest_are_those_that_the_plant_leaves_out():
         sampled(activation, plant.clock.instants(0, plant.clock.samples(duration)), plant.core.partitions, plant.arm.layout)["arm"]
     ).any(axis=0)
     told = marks(diagnosis.needs(configuration))["muscles at rest"][1].partition(":")[0].split(", ")
-    assert told == [group for group, active in zip(diagnosis.MUSCLE_GROUPS, pulled, strict=True) if not active]
+    assert told == [group for group, active in zip(plant.arm.layout.names, pulled, strict=True) if not active]
 
 
 def test_a_vacuum_has_no_drag():

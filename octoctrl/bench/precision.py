@@ -1,17 +1,26 @@
 """Work against precision: run time against the error of tip, curvature, link, writhe and twist, for each of the three models of the arm."""
 
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from octoctrl.planners.model.reduced import ReducedMotion
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.plants import Plant
+from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.topology.trace import TopologyTrace
 
 from .. import tasks
 from ..judging.comparison import QUANTITIES, rms
 from ..tables import Table
 from .benchmark import timed_motion
+
+Floats = NDArray[np.float64]
 
 ERRORS = ("tip max, %L", "tip rms, %L", "curvature, %", "Lk max, turns", "Wr max, turns", "Tw max, turns")
 FORMATS = (".2f", ".2f", ".2f", ".4f", ".4f", ".4f")
@@ -19,19 +28,10 @@ EVERY = 4
 """Samples between recorded instants."""
 
 
-def programmes(full):
-    """Activations to be measured, by name, with their durations.
+def programmes(full: bool) -> dict[str, tuple[Activation, float]]:
+    """Activations to be measured, by name, with their durations (s); more of them if `full`."""
 
-    Parameters
-    ----------
-    full : bool
-
-    Returns
-    -------
-    dict of str to (Activation, float)
-    """
-
-    def held(groups, level):
+    def held(groups: tuple[str, ...], level: float) -> Activation:
         return Activation(templates=(Plateau(groups=groups, level=level),))
 
     whole = tasks.programme("fig2c")
@@ -45,7 +45,7 @@ def programmes(full):
     return chosen
 
 
-def curvature(frames, stations):
+def curvature(frames: Floats, stations: Floats) -> Floats:
     """Curvature between neighbouring stations.
 
     Parameters
@@ -62,7 +62,7 @@ def curvature(frames, stations):
     return rotation_vector(frames[:, 1:] @ np.swapaxes(frames[:, :-1], -1, -2)) / np.diff(stations)[:, None]
 
 
-def apart(found, exact, points):
+def apart(found: Floats, exact: Floats, points: Floats | None) -> float | None:
     """Largest difference of two histories of link, writhe or twist, in turns.
 
     Parameters
@@ -70,10 +70,6 @@ def apart(found, exact, points):
     found, exact : (T,) float64
     points : (T, n + 1, 3) float64, m, or None
         Of the arm, for link and writhe, which say nothing where it stays in a plane: there self-crossings have no sign.
-
-    Returns
-    -------
-    float or None
     """
     if points is not None:
         extents = np.linalg.svd(points.reshape(-1, 3), compute_uv=False)
@@ -82,18 +78,8 @@ def apart(found, exact, points):
     return float(np.abs(np.asarray(found) - exact).max())
 
 
-def errors(recording, reference, arm):
-    """Errors of a run against a reference at the same instants, in the order of `ERRORS`.
-
-    Parameters
-    ----------
-    recording, reference : Recording
-    arm : Arm
-
-    Returns
-    -------
-    tuple of float
-    """
+def errors(recording: Recording, reference: Recording, arm: Arm) -> tuple[float | None, ...]:
+    """Errors of the `recording` of an `arm` against a `reference` at the same instants, in the order of `ERRORS`."""
     from octoctrl.sim.topology.measures import measure
 
     distance = np.linalg.norm(recording.tip - reference.tip, axis=1) / arm.length
@@ -105,12 +91,14 @@ def errors(recording, reference, arm):
     # Curvature times the local radius is what bending strains the tissue by; unweighted, the thin tip would be all that counts.
     weights = (np.diff(recording.stations) * arm.section(middle).outline ** 2)[:, None]
     bent = np.sqrt(np.sum(weights * (mine - there) ** 2) / max(np.sum(weights * there**2), 1e-300))
-    traces = [measure(run.time, run.points, run.frames) for run in (recording, reference)]
-    turns = [apart(*(getattr(trace, name) for trace in traces), None if name == "twist" else reference.points) for name in QUANTITIES]
+    found, right = (measure(run.time, run.points, run.frames) for run in (recording, reference))
+    turns = [apart(getattr(found, name), getattr(right, name), None if name == "twist" else reference.points) for name in QUANTITIES]
     return 100 * float(distance.max()), 100 * rms(distance), 100 * float(bent), *turns
 
 
-def _row(case, label, make, activation, duration, reference, times):
+def _row(
+    case: str, label: str, make: Callable[[], Plant], activation: Activation, duration: float, reference: Recording, times: int
+) -> tuple[Any, ...]:
     """One line of a table: what was asked for, what it cost and what it missed, or why there is nothing."""
     try:
         plant = make()
@@ -128,32 +116,22 @@ COLUMNS = ("case", "resolution", "step, ms", "end", "CPU ms / s", "wall ms / s",
 COLUMN_FORMATS = ("", "", ".3f", "", ".2f", ".2f", ".0f", *FORMATS)
 
 
-def rod_precision(*, full=False):
-    """Rod plant over resolution and step.
-
-    Parameters
-    ----------
-    full : bool
-        More programmes and more repetitions.
-
-    Returns
-    -------
-    Table
-    """
-    from octoctrl.sim.plants import Plant, warmup
+def rod_precision(*, full: bool = False) -> Table:
+    """Rod plant over resolution and step; with `full`, more programmes and more repetitions."""
+    from octoctrl.sim.plants import warmup
 
     warmup()
     largest = Plant().limit.step
 
-    def above():
+    def above() -> Plant:
         plant = Plant(record_every=EVERY)
         plant.set_steps(6)
         return plant
 
-    def arm(n):
+    def arm(n: int) -> Callable[[], Plant]:
         return lambda: Plant(Arm.octopus(elements=n), record_every=EVERY)
 
-    def step(share):
+    def step(share: float) -> Callable[[], Plant]:
         return lambda: Plant(dt=Plant().h / share, record_every=EVERY)
 
     choices = {f"n = {n}": arm(n) for n in ((24, 36, 48, 72, 96) if full else (24, 48, 96))}
@@ -173,25 +151,15 @@ def rod_precision(*, full=False):
     )  # fmt: skip
 
 
-def assembly_precision(*, full=False):
-    """The arm of 197 rods over the step.
-
-    Parameters
-    ----------
-    full : bool
-        0.6 s instead of 0.2 s.
-
-    Returns
-    -------
-    Table
-    """
+def assembly_precision(*, full: bool = False) -> Table:
+    """The arm of 197 rods over the step; with `full`, 0.6 s instead of 0.2 s."""
     from octoctrl.sim.plants import make_plant
 
     duration, case = (0.6, "Fig 2c to 0.6 s") if full else (0.2, "Fig 2c to 0.2 s")
     activation = tasks.programme("fig2c").activation
     reference = make_plant("assembly", dt=1e-5, record_every=EVERY).advance(activation, duration)
 
-    def make(**settings):
+    def make(**settings: Any) -> Callable[[], Plant]:
         return lambda: make_plant("assembly", **settings, record_every=EVERY)
 
     choices = {"default": make(), "step / 2": make(dt=make_plant("assembly").h / 2), "step of 0.1 ms": make(dt=1e-4)}
@@ -203,20 +171,10 @@ def assembly_precision(*, full=False):
     )  # fmt: skip
 
 
-def reduced_precision(*, full=False):
-    """The planner's model over its step, against itself and against the rod plant.
-
-    Parameters
-    ----------
-    full : bool
-        More programmes.
-
-    Returns
-    -------
-    Table
-    """
+def reduced_precision(*, full: bool = False) -> Table:
+    """The planner's model over its step, against itself and against the rod plant; with `full`, more programmes."""
     from octoctrl.planners.fitting.identification import load_identified
-    from octoctrl.sim.plants import Plant, warmup
+    from octoctrl.sim.plants import warmup
     from octoctrl.sim.topology.measures import measure
 
     from ..tables import fastest
@@ -226,7 +184,7 @@ def reduced_precision(*, full=False):
     model = load_identified(configuration.arm, configuration.scene).model
     rows = []
 
-    def difference(motion, time, points, trace):
+    def difference(motion: ReducedMotion, time: Floats, points: Floats, trace: TopologyTrace) -> tuple[float | None, ...]:
         found = model.trace(motion.time, motion.strains)
         mine = model.points(motion.strains)[:, -1]
         tip = np.stack([np.interp(time, motion.time, column) for column in mine.T], axis=1)
@@ -245,7 +203,7 @@ def reduced_precision(*, full=False):
         for factor in (2, 1, 0.5, 0.25):
             step = factor * model.step
             motion = model.respond(activation, duration, step=step)
-            spent, wall = fastest(partial(model.simulate, activation, duration, step=step), 10)
+            spent, wall = fastest(partial(model.respond, activation, duration, step=step), 10)
             own, away = difference(motion, *exact), difference(motion, *plant)
             rows.append((case, 1e3 * step, 1e3 * spent / duration, 1e3 * wall / duration, duration / spent, *own, *away))
     numbers = ("tip max, %L", "tip rms, %L", "Lk", "Wr", "Tw")

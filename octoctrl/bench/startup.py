@@ -5,7 +5,9 @@ import os
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from octoctrl.sim.errors import OctoctrlError
 
@@ -29,7 +31,7 @@ print(json.dumps([spent.ru_utime + spent.ru_stime, peak]))
 """
 
 
-def child(code, cache=None):
+def child(code: str, cache: str | Path | None = None) -> tuple[float, float, float]:
     """Run code in a fresh interpreter.
 
     Parameters
@@ -40,7 +42,7 @@ def child(code, cache=None):
 
     Returns
     -------
-    (float, float, float)
+    float, float, float
         Wall time and processor time, s, and largest resident memory, MB.
 
     Raises
@@ -55,22 +57,13 @@ def child(code, cache=None):
     wall = perf_counter() - begin
     if done.returncode:
         raise OctoctrlError(f"start-up failed: {done.stderr.strip().splitlines()[-1]}")
-    return wall, *json.loads(done.stdout.splitlines()[-1])
+    spent, peak = json.loads(done.stdout.splitlines()[-1])
+    return wall, spent, peak
 
 
-def startup(*, full=False):
-    """Time and memory of the first step.
-
-    Parameters
-    ----------
-    full : bool
-        The assembly too.
-
-    Returns
-    -------
-    Table
-    """
-    rows = [("import octoctrl", *child("import octoctrl"), None)]
+def startup(*, full: bool = False) -> Table:
+    """Time and memory of the first step; with `full` of the assembly too."""
+    rows: list[tuple[Any, ...]] = [("import octoctrl", *child("import octoctrl"), None)]
     rows.append(("octoctrl --help", *child("from octoctrl.cli.application import main; main(['--help'])"), None))
     models = {"rod arm": ("rod", (30.0, 3.0))}
     if full:

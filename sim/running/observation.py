@@ -8,7 +8,6 @@ from ..body.arm import REST_FRAME
 from ..contracts import Floats
 from ..records import Record
 from ..rotations import rotation_matrix, rotation_vector
-from ..topology.measures import present
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -72,6 +71,8 @@ class Observation(Record):
         -------
         (float, float, float)
         """
+        from ..topology.measures import present  # loads numba
+
         twist, writhe = present(self.points, self.frames, pole)
         return twist + writhe, writhe, twist
 
