@@ -10,7 +10,8 @@ from itertools import product
 
 import numpy as np
 
-from octoctrl.sim.rod.elastic import Rod, RodSimulation
+from octoctrl.sim.rod.elastic import RodSimulation
+from octoctrl.sim.rod.rod import Rod
 from octoctrl.tables import Table
 
 LENGTH, RADIUS, DENSITY, YOUNG = 0.2, 0.006, 1050.0, 1e5

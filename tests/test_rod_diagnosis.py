@@ -9,8 +9,9 @@ from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import Plant
 from octoctrl.sim.rod.diagnosis import FEWEST, alternation, substeps
-from octoctrl.sim.rod.elastic import Rod, RodSimulation
+from octoctrl.sim.rod.elastic import RodSimulation
 from octoctrl.sim.rod.layout import Row
+from octoctrl.sim.rod.rod import Rod
 from octoctrl.sim.rotations import rotation_matrix
 
 MATERIAL = {"density": 1000.0, "youngs_modulus": 1e4, "shear_modulus": 4e3}

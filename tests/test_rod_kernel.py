@@ -10,9 +10,10 @@ import pytest
 from octoctrl.sim.body.layout import OCTOPUS_MUSCLES, MuscleLayout
 from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
 from octoctrl.sim.physics.fibre_kernels import law_constants
-from octoctrl.sim.rod.elastic import Rod, RodSimulation
+from octoctrl.sim.rod.elastic import RodSimulation
 from octoctrl.sim.rod.elastic_kernels import rod_kernels
 from octoctrl.sim.rod.layout import STRIDES, Row, new_buffer, stride_for
+from octoctrl.sim.rod.rod import Rod
 from octoctrl.sim.rod.section_kernels import DISSIPATION, fibre_kernels, section_kernels
 from octoctrl.sim.rotations import rotation_matrix, rotation_vector
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
-from octoctrl.sim.rod.elastic import CIRCULAR_SHEAR, Rod, RodSimulation
+from octoctrl.sim.rod.elastic import RodSimulation
 from octoctrl.sim.rod.layout import Row
+from octoctrl.sim.rod.rod import CIRCULAR_SHEAR, Rod
 from octoctrl.sim.rotations import rotation_vector
 
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -345,5 +346,11 @@ def test_predicted_limit_is_met_by_the_motion():
 def test_divergence_is_told_in_physical_terms():
     sim = RodSimulation(straight(20, 0.02))
     sim.load(tip_force=(0.0, 0.0, 1e4))
-    with pytest.raises(PlantUnstableError, match=r"unstable at t=.* s: element \d+ .*predicted limit"):
+    with pytest.raises(PlantUnstableError, match=r"stopped at t=.* s: element 19 is stretched .*; lower or ramp the load"):
         sim.advance(1.0)
+    unstable = RodSimulation(straight(20, 0.02))
+    unstable.velocities = 1e-6 * np.random.default_rng(2).normal(size=(21, 3))
+    unstable.dt = 1.5 * unstable.limit.step
+    with pytest.raises(PlantUnstableError, match=r"unstable at t=.* s: element \d+ .*to and fro.*predicted limit .*; halve dt") as caught:
+        unstable.advance(1000 * unstable.dt)
+    assert caught.value.stop.unstable

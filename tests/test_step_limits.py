@@ -8,8 +8,9 @@ from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import Plant
 from octoctrl.sim.rod.core import LARGEST_STEP
-from octoctrl.sim.rod.elastic import Rod, RodSimulation
+from octoctrl.sim.rod.elastic import RodSimulation
 from octoctrl.sim.rod.layout import STATE_ROWS, Row
+from octoctrl.sim.rod.rod import Rod
 from octoctrl.sim.rod.step_limits import SHEAR, STRETCH, TWIST
 from octoctrl.sim.rotations import rotation_matrix, rotation_vector
 from octoctrl.sim.running.clock import SAFETY

@@ -13,7 +13,8 @@ BEND = 2.0
 
 
 def _simulation(elements, share, damping=0.0):
-    from octoctrl.sim.rod.elastic import Rod, RodSimulation
+    from octoctrl.sim.rod.elastic import RodSimulation
+    from octoctrl.sim.rod.rod import Rod
 
     sim = RodSimulation(
         Rod.straight(

@@ -50,7 +50,8 @@ def elastic_rod(elements, steps=500):
     -------
     float, s
     """
-    from octoctrl.sim.rod.elastic import Rod, RodSimulation
+    from octoctrl.sim.rod.elastic import RodSimulation
+    from octoctrl.sim.rod.rod import Rod
 
     rod = Rod.straight(length=0.2, radius=0.006, elements=elements, density=1050.0, youngs_modulus=1e5, shear_modulus=4e4, damping=5.0)
     sim = RodSimulation(rod)

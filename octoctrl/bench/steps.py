@@ -131,7 +131,8 @@ def rod_families():
     -------
     dict of str to RodSimulation
     """
-    from octoctrl.sim.rod.elastic import Rod, RodSimulation
+    from octoctrl.sim.rod.elastic import RodSimulation
+    from octoctrl.sim.rod.rod import Rod
 
     def rod(radius=0.01, young=1e5, shear=4e4, coefficient=0.9, elements=40, fibres=1.0, **load):
         sim = RodSimulation(

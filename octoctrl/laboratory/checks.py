@@ -106,7 +106,7 @@ def passive_energy(plant: Any) -> float:
     -------
     float
     """
-    from octoctrl.sim.rod.elastic import joint_curvature, rod_energy
+    from octoctrl.sim.rod.buffer import joint_curvature, rod_energy
 
     arm, n = plant.arm, plant.elements
     total = sum(rod_energy(plant.core.rows, n, plant.core.node_mass, constant_section=False).values())

@@ -31,7 +31,8 @@ def long_run(steps: int = STEPS, pieces: int = 20, progress: Progress | None = N
         ``steps``; largest relative change of ``energy`` and its ``energy_trend`` over the run (slope of a straight line through it);
         largest departure of frames from ``orthonormality``; relative changes of ``momentum`` and ``angular_momentum``.
     """
-    from octoctrl.sim.rod.elastic import Rod, RodSimulation
+    from octoctrl.sim.rod.elastic import RodSimulation
+    from octoctrl.sim.rod.rod import Rod
 
     rod = Rod.straight(length=0.2, radius=0.01, elements=10, density=1000.0, youngs_modulus=1e5, shear_modulus=4e4, section="constant")
     simulation, along = RodSimulation(rod), np.linspace(0.0, 1.0, 11)

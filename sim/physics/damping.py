@@ -1,9 +1,9 @@
 """Damping at a physical rate that is exact over a step, whatever the step."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from ..contracts import Floats
 
 
 def phi1(x: ArrayLike) -> Floats:

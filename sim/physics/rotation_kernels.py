@@ -24,3 +24,44 @@ def angle_over_sine(y):
     total = total * y + SERIES[2]
     total = total * y + SERIES[1]
     return total * y + SERIES[0]
+
+
+@kernel
+def rotation(u1, u2, u3):
+    """Nine entries, row by row, of exp(-[u]) = 1 - sine [u] + cosine (u u^T - u.u), to 1e-10 up to one radian."""
+    square = u1 * u1 + u2 * u2 + u3 * u3
+    sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880 - square * (1 / 39916800)))))
+    cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square * (1 / 3628800 - square * (1 / 479001600)))))
+    r11, r22, r33 = 1 - cosine * (u2 * u2 + u3 * u3), 1 - cosine * (u1 * u1 + u3 * u3), 1 - cosine * (u1 * u1 + u2 * u2)
+    c12, c13, c23 = cosine * u1 * u2, cosine * u1 * u3, cosine * u2 * u3
+    s1, s2, s3 = sine * u1, sine * u2, sine * u3
+    return r11, c12 + s3, c13 - s2, c12 - s3, r22, c23 + s1, c13 + s2, c23 - s1, r33
+
+
+@kernel
+def turned(r, a, d, g):
+    """Product of a rotation's nine entries with a column (a, d, g)."""
+    return r[0] * a + r[1] * d + r[2] * g, r[3] * a + r[4] * d + r[5] * g, r[6] * a + r[7] * d + r[8] * g
+
+
+@kernel
+def orthonormal(a1, a2, a3, c1, c2, c3, d1, d2, d3):
+    """Rows of the orthonormal frame nearest to one that almost is.
+
+    One Newton step of the polar decomposition (Higham 1986, SIAM J. Sci. Stat. Comput. 7:1160): Q <- (3 I - Q Q^T) Q / 2. Turned by less
+    than 1e-8 rad in a step, a frame loses what falls below the last digit of its numbers, always on the same side: after some 1e5 steps
+    that is seen, and no more accurate series could help.
+    """
+    aa, cc, dd = a1 * a1 + a2 * a2 + a3 * a3 - 1, c1 * c1 + c2 * c2 + c3 * c3 - 1, d1 * d1 + d2 * d2 + d3 * d3 - 1
+    ac, ad, cd = a1 * c1 + a2 * c2 + a3 * c3, a1 * d1 + a2 * d2 + a3 * d3, c1 * d1 + c2 * d2 + c3 * d3
+    return (
+        a1 - 0.5 * (aa * a1 + ac * c1 + ad * d1),
+        a2 - 0.5 * (aa * a2 + ac * c2 + ad * d2),
+        a3 - 0.5 * (aa * a3 + ac * c3 + ad * d3),
+        c1 - 0.5 * (ac * a1 + cc * c1 + cd * d1),
+        c2 - 0.5 * (ac * a2 + cc * c2 + cd * d2),
+        c3 - 0.5 * (ac * a3 + cc * c3 + cd * d3),
+        d1 - 0.5 * (ad * a1 + cd * c1 + dd * d1),
+        d2 - 0.5 * (ad * a2 + cd * c2 + dd * d2),
+        d3 - 0.5 * (ad * a3 + cd * c3 + dd * d3),
+    )

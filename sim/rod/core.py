@@ -18,8 +18,8 @@ from ..findings import Finding, Stop
 from ..physics.fibre_kernels import law_constants
 from ..running.clock import SAFETY, Clock, StepLimit
 from ..scene.scene import Scene, Water
+from .buffer import node_masses, set_damping, set_joints, set_state
 from .diagnosis import ALTERNATING, TRAIL, alternation, explained, substeps
-from .elastic import node_masses, set_damping, set_joints, set_state
 from .layout import STATE_ROWS, Row, new_buffer, stride_for
 from .step_limits import predict_limit
 

@@ -1,108 +1,47 @@
-"""A passive elastic rod in space: the building block of the arm and the subject of the validation cases."""
+"""A passive elastic rod in motion: the subject of the validation cases, and of studies without muscles."""
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from math import pi
+from math import ceil, pi
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..errors import OctoctrlError, PlantUnstableError, check_choice, check_number
+from ..contracts import Floats
+from ..errors import OctoctrlError, PlantUnstableError, check_count, check_number
 from ..findings import Finding, Stop
-from ..physics.damping import damped
-from ..records import Record
-from ..rotations import rotation_vector
-from ..running.clock import choose_step
+from ..running.clock import StepLimit, choose_step
+from .buffer import joint_curvature, node_masses, rod_energy, set_damping, set_joints, set_state
+from .diagnosis import ALTERNATING, alternation
+from .elastic_stepping import BLOCK, DRIVEN_BLOCK, Followers
 from .layout import STATE_ROWS, Row, new_buffer, stride_for
+from .rod import Rod, check_frames, finite_array
 from .step_limits import predict_limit
+from .supports import Clamp, Holding, Pin, Support
 
-CIRCULAR_SHEAR = 27 / 28
-"""Shear coefficient of a circular section (PyElastica's default; Tekinalp et al. 2024 use 4/3)."""
-
-SUPPORTS = ("free", "clamped", "element")
-SECTIONS = ("incompressible", "constant")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Rod(Record):
-    """Geometry and material of a rod with n elements.
-
-    Attributes
-    ----------
-    points : (n + 1, 3) float64, m
-        Nodes at rest.
-    frames : (n, 3, 3) float64
-        Directors (rows d1, d2, d3) of the elements at rest.
-    radius : (n,) float64, m
-    density : float, kg/m^3
-    youngs_modulus, shear_modulus : float, Pa
-    shear_coefficient : float
-    support : {"free", "clamped", "element"}
-        ``clamped`` holds the base node and the frame at s = 0, with bending over the half element in between, which is second order in
-        the element length; ``element`` holds node and frame of the whole first element, as PyElastica does, which is first order.
-    section : {"incompressible", "constant"}
-        Whether the section shrinks as the rod stretches, as PyElastica has it, or keeps its area. Only the latter conserves energy.
-    damping : float, 1/s
-        Rate at which velocities decay in the absence of forces, exact over a step and independent of it.
-
-    Raises
-    ------
-    OctoctrlError
-        If shapes do not fit or a constant is out of range.
-    """
-
-    points: np.ndarray
-    frames: np.ndarray
-    radius: np.ndarray
-    density: float
-    youngs_modulus: float
-    shear_modulus: float
-    shear_coefficient: float = CIRCULAR_SHEAR
-    support: str = field(default="free")
-    section: str = field(default="incompressible")
-    damping: float = 0.0
-
-    def __post_init__(self):
-        count = len(self.radius)
-        for name, shape in (("points", (count + 1, 3)), ("frames", (count, 3, 3))):
-            if np.shape(getattr(self, name)) != shape:
-                raise OctoctrlError(f"{name}: expected shape {shape}, found {np.shape(getattr(self, name))}")
-        check_choice("support", self.support, SUPPORTS)
-        check_choice("section", self.section, SECTIONS)
-        check_number("density", self.density, above=0.0, unit="kg/m^3")
-        check_number("youngs_modulus", self.youngs_modulus, above=0.0, unit="Pa")
-        check_number("shear_modulus", self.shear_modulus, above=0.0, unit="Pa")
-        check_number("damping", self.damping, at_least=0.0, unit="1/s")
-
-    @classmethod
-    def straight(cls, *, length, radius, elements, direction=(0.0, 1.0, 0.0), normal=(0.0, 0.0, 1.0), **material):
-        """A straight rod of constant or given radius from the origin along `direction`, with d1 along `normal`."""
-        d3 = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
-        d1 = np.asarray(normal, dtype=float) - np.dot(normal, d3) * d3
-        d1 /= np.linalg.norm(d1)
-        frame = np.array([d1, np.cross(d3, d1), d3])
-        return cls(
-            points=np.linspace(0, length, elements + 1)[:, None] * d3,
-            frames=np.broadcast_to(frame, (elements, 3, 3)).copy(),
-            radius=np.broadcast_to(np.asarray(radius, dtype=float), (elements,)).copy(),
-            **material,
-        )
+NOWHERE = (0.0, 0.0, 0.0)
+NEAR = 1e-3
+"""Largest distance between a held node and its support, in element lengths, when a motion begins."""
 
 
 @cache
-def _elastic_advance(stride, constant_section):
-    from .stepping import elastic_stepper
+def _elastic_advance(stride: int, constant_section: bool) -> Callable[..., Any]:
+    from .elastic_stepping import elastic_stepper
 
     return elastic_stepper(stride, constant_section)
 
 
 class RodSimulation:
-    """A rod in motion.
+    """A rod in motion. It can be copied and pickled; a copy goes on by itself.
 
     Parameters
     ----------
     rod : Rod
     dt : float or "auto", s
         Time step; ``"auto"`` takes 0.8 of the predicted stability limit.
+    supports : sequence of Clamp and Pin
+        What holds the rod beside `Rod.support`. A `Clamp` of the base takes the place of ``support="clamped"``.
 
     Attributes
     ----------
@@ -113,105 +52,245 @@ class RodSimulation:
     Raises
     ------
     OctoctrlError
-        If `dt` exceeds the stability limit.
+        If `dt` exceeds the stability limit, or a support does not fit.
+
+    Examples
+    --------
+    A rod whose tip is turned about its axis by four turns in two seconds while it may slide along it:
+
+    >>> from octoctrl.sim.rotations import rotation_matrix
+    >>> rod = Rod.straight(length=1.0, radius=0.02, elements=40, density=1e3, youngs_modulus=1e6, shear_modulus=4e5,
+    ...                    support="clamped", damping=2.0)
+    >>> turn = lambda t: rotation_matrix([0.0, 0.0, 4 * 2 * np.pi * min(t / 2.0, 1.0)]) @ rod.frames[-1]
+    >>> sim = RodSimulation(rod, supports=[Clamp(end="tip", frame=turn, slides=(0.0, 1.0, 0.0))])
+    >>> time, points, frames = sim.advance(3.0, samples=30)
     """
 
-    def __init__(self, rod, dt="auto"):
+    def __init__(self, rod: Rod, dt: float | Literal["auto"] = "auto", *, supports: Sequence[Support] = ()) -> None:
         self.rod = rod
         self.elements = len(rod.radius)
-        self.time = 0.0
-        self.buffer, self.rows = new_buffer(self.elements)
+        held = tuple(supports)
+        if rod.support != "free" and not any(_holds_base(support) for support in held):
+            held = (*((Clamp(end="base"),) if rod.support == "clamped" else (Pin(node=0),)), *held)
+        elif rod.support == "element":
+            raise OctoctrlError("support='element' and a support of the base node were given; one is needed")
+        self.supports = held
+        self.buffer, _ = new_buffer(self.elements)
         self._fill()
+        self.load()
+        self.reset()
         self.limit = self.step_limit()
         self.dt = choose_step(dt, self.limit)
         self._prepare(self.dt)
 
-    def _prepare(self, h):
-        rate = self.rod.damping
-        set_damping(self.rows, self.elements, h, rate, rate, rate, fixed=self.rod.support, masses=self.node_mass)
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Even a shallow copy has a motion of its own.
+        self.__dict__.update(state | {name: state[name].copy() for name in ("buffer", "_good")})
 
-    def _step(self, h, steps, points, frames, stretch):
-        step = _elastic_advance(stride_for(self.elements), self.rod.section == "constant")
-        return step(self.buffer, np.uint64(self.elements), h, steps, points, frames, stretch)
+    @property
+    def rows(self) -> Floats:
+        """View of the buffer as rows of `octoctrl.sim.rod.layout.Row`; made anew each time, so that copies are not bound to one another."""
+        return self.buffer.reshape(len(Row), -1)
 
-    def step_limit(self):
-        """Predicted largest stable step in the present state, as a `StepLimit`."""
+    def _prepare(self, h: float) -> None:
+        rate, rows = self.rod.damping, self.rows
+        fixed = "element" if self.rod.support == "element" else "free"
+        set_damping(rows, self.elements, h, rate, rate, rate, fixed=fixed, masses=self.node_mass)
+        pinned = self._holding.nodes[~self._holding.rails.any(axis=1)].astype(int)
+        rows[Row.NODE_DECAY, pinned] = rows[Row.NODE_MOBILITY, pinned] = 0.0
+
+    def _step(self, start: float, h: float, steps: int, samples: int) -> tuple[int, int, int, int, Floats, Floats]:
+        """Samples of `steps` steps each from the time `start`: samples done, steps beyond, finding, element, points and frames."""
         n = self.elements
-        scratch = np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))
-        return predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, *scratch))
+        points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
+        step = _elastic_advance(stride_for(n), self.rod.section == "constant")
+        size = DRIVEN_BLOCK if self._holding.driven else BLOCK
+        blocks = np.append(np.arange(0, steps, size), steps) * h
 
-    def _fill(self):
+        def move(begin: int, end: int) -> tuple[int, int, int, int]:
+            held = self._holding.at(start + begin * steps * h + blocks)
+            part = slice(begin, end)
+            return step(self.buffer, np.uint64(n), h, steps, size, held, self._loads, self._good, points[part], frames[part], stretch[part])
+
+        if self._holding.driven:
+            # Each sample has blocks, and so knots of the paths, of its own.
+            done, beyond, finding, element = 0, 0, 0, 1
+            while done < samples and not finding:
+                moved, beyond, finding, element = move(done, done + 1)
+                done += moved
+        else:
+            done, beyond, finding, element = move(0, samples)
+        return done, beyond, finding, int(element) - 1, points[:done], frames[:done]
+
+    def step_limit(self) -> StepLimit:
+        """Predicted largest stable step in the present state, as a `StepLimit`."""
+        good = self._good.copy()
+        try:
+            return predict_limit(self.rows, self.elements, self.node_mass, self._prepare, lambda h: self._step(self.time, h, 1, 1))
+        finally:
+            self._good[:] = good
+
+    def _fill(self) -> None:
         rod, n, rows = self.rod, self.elements, self.rows
-        edges = np.diff(rod.points, axis=0)
-        length = np.linalg.norm(edges, axis=1)
+        length = np.linalg.norm(np.diff(rod.points, axis=0), axis=1)
         area = pi * rod.radius**2
         second_moment = area**2 / (4 * pi)
+        self._ends = rod.frames[[0, -1]]
+        self._hold(rod.points)
         set_state(rows, n, rod.points, rod.frames, rod.frames[0])
+        rows[Row.Q11 : Row.Q33 + 1, n + 1] = rod.frames[-1].reshape(9)
         rows[Row.SHEAR, 1 : n + 1] = rod.shear_coefficient * rod.shear_modulus * area
         rows[Row.AXIAL, 1 : n + 1] = rod.youngs_modulus * area
         inertia = rod.density * length * second_moment
         rows[Row.INERTIA1, 1 : n + 1] = rows[Row.INERTIA2, 1 : n + 1] = inertia
         rows[Row.INERTIA3, 1 : n + 1] = 2 * inertia
         bend, twist = rod.youngs_modulus * second_moment, 2 * rod.shear_modulus * second_moment
-        set_joints(rows, n, length, bend, twist, clamped=rod.support == "clamped")
-        rows[Row.REST1 : Row.REST3 + 1, 1 : n + 1] = joint_curvature(rows, n)
+        clamped = {support.end for support in self.supports if isinstance(support, Clamp)}
+        set_joints(rows, n, length, bend, twist, clamped="base" in clamped)
+        if "tip" in clamped:
+            rows[Row.BEND1, n + 1] = rows[Row.BEND2, n + 1] = bend[-1]
+            rows[Row.TWIST, n + 1] = twist[-1]
+        rows[Row.REST1 : Row.REST3 + 1, 1 : n + 2] = joint_curvature(rows, n + 1)
         self.node_mass = node_masses(rod.density * area * length)
         rows[Row.NODE_MOBILITY, 1 : n + 2] = 1 / self.node_mass
         for component in range(3):
             rows[Row.MOBILITY1 + component, 1 : n + 1] = 1 / rows[Row.INERTIA1 + component, 1 : n + 1]
 
+    def _hold(self, points: Floats) -> None:
+        self._holding = Holding(self.supports, self.elements, points, self._ends)
+
+    def reset(self) -> None:
+        """Put the rod back to rest at time zero; loads and supports stay."""
+        self.time = 0.0
+        self.place(self.rod.points, self.rod.frames)
+
+    def state(self) -> dict[str, Floats]:
+        """The whole motion as arrays by name, for `restore`; ``numpy.savez(file, **sim.state())`` keeps it."""
+        return {"time": np.array(self.time), "state": self.rows[:STATE_ROWS, : self.elements + 2].copy()}
+
+    def restore(self, state: Mapping[str, ArrayLike]) -> None:
+        """Go back to a `state` of this rod or of one like it; what follows has the same bits.
+
+        Raises
+        ------
+        OctoctrlError
+            If it is that of a rod with other elements, or not well.
+        """
+        for name in ("time", "state"):
+            if name not in state:
+                raise OctoctrlError(f"the state has no '{name}'; give what state() returned")
+        rows = finite_array("state", state["state"], (STATE_ROWS, self.elements + 2))
+        self.time = float(finite_array("time", state["time"], ()))
+        self._hold(rows[Row.X1 : Row.X3 + 1, 1:].T)
+        self.rows[:STATE_ROWS, : self.elements + 2] = rows
+        self._good = rows
+
     @property
-    def points(self):
+    def points(self) -> Floats:
         """Node positions (n + 1, 3), m."""
         return self.rows[Row.X1 : Row.X3 + 1, 1 : self.elements + 2].T.copy()
 
     @property
-    def velocities(self):
+    def velocities(self) -> Floats:
         """Node velocities (n + 1, 3), m/s; assign to set them."""
         return self.rows[Row.V1 : Row.V3 + 1, 1 : self.elements + 2].T.copy()
 
     @velocities.setter
-    def velocities(self, value):
+    def velocities(self, value: ArrayLike) -> None:
         """Set node velocities from `value` (n + 1, 3), m/s."""
-        self.rows[Row.V1 : Row.V3 + 1, 1 : self.elements + 2] = np.asarray(value, dtype=float).T
+        self.rows[Row.V1 : Row.V3 + 1, 1 : self.elements + 2] = finite_array("velocities", value, (self.elements + 1, 3)).T
 
     @property
-    def spins(self):
+    def spins(self) -> Floats:
         """Angular velocities of the elements in their own frames (n, 3), rad/s; assign to set them."""
         return self.rows[Row.W1 : Row.W3 + 1, 1 : self.elements + 1].T.copy()
 
     @spins.setter
-    def spins(self, value):
+    def spins(self, value: ArrayLike) -> None:
         """Set angular velocities from `value` (n, 3), rad/s."""
-        self.rows[Row.W1 : Row.W3 + 1, 1 : self.elements + 1] = np.asarray(value, dtype=float).T
+        self.rows[Row.W1 : Row.W3 + 1, 1 : self.elements + 1] = finite_array("spins", value, (self.elements, 3)).T
 
     @property
-    def frames(self):
+    def frames(self) -> Floats:
         """Directors (n, 3, 3)."""
         return self.rows[Row.Q11 : Row.Q33 + 1, 1 : self.elements + 1].T.reshape(-1, 3, 3).copy()
 
-    def place(self, points, frames):
-        """Put the rod into a shape, nodes (n + 1, 3) in m and frames (n, 3, 3), without motion; what it is at rest does not change."""
-        n = self.elements
-        base = self.rows[Row.Q11 : Row.Q33 + 1, 0].copy()
-        set_state(self.rows, n, points, frames, base.reshape(3, 3))
+    def place(self, points: ArrayLike, frames: ArrayLike) -> None:
+        """Put the rod into a shape without motion; what it is at rest does not change. Supports without a path hold it there.
 
-    def load(self, *, tip_force=(0.0, 0.0, 0.0), tip_couple=(0.0, 0.0, 0.0), force_per_length=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0)):
-        """Set dead loads: force (N) and couple (N m) at the tip, force per rest length (N/m), gravity (m/s^2), in the lab frame."""
+        Parameters
+        ----------
+        points : (n + 1, 3) array_like, m
+        frames : (n, 3, 3) array_like
+
+        Raises
+        ------
+        OctoctrlError
+            If a shape does not fit, or frames are not orthonormal.
+        """
         n, rows = self.elements, self.rows
-        share = node_masses(rows[Row.LENGTH, 1 : n + 1])
-        for component in range(3):
-            force = share * force_per_length[component] + self.node_mass * gravity[component]
-            force[-1] += tip_force[component]
-            rows[Row.FORCE1 + component, 1 : n + 2] = force
-            rows[Row.COUPLE1 + component, 1 : n + 1] = 0.0
-            rows[Row.COUPLE1 + component, n] = tip_couple[component]
+        points, frames = finite_array("points", points, (n + 1, 3)), finite_array("frames", frames, (n, 3, 3))
+        check_frames("frames", frames)
+        self._hold(points)
+        set_state(rows, n, points, frames, self._ends[0])
+        rows[Row.Q11 : Row.Q33 + 1, n + 1] = self._ends[1].reshape(9)
+        held = self._holding.at(np.array([self.time]))
+        for ghost, frame in zip(held.ghosts.astype(int), held.frames[0], strict=True):
+            rows[Row.Q11 : Row.Q33 + 1, ghost] = frame.reshape(9)
+        self._good = rows[:STATE_ROWS, : n + 2].copy()
 
-    def energy(self):
+    def load(
+        self,
+        *,
+        tip_force: ArrayLike = NOWHERE,
+        tip_couple: ArrayLike = NOWHERE,
+        force_per_length: ArrayLike = NOWHERE,
+        gravity: ArrayLike = NOWHERE,
+        follower_force: ArrayLike = NOWHERE,
+        follower_couple: ArrayLike = NOWHERE,
+        follower_per_length: ArrayLike = NOWHERE,
+    ) -> None:
+        """Set all loads; what is not named is none.
+
+        Parameters
+        ----------
+        tip_force, tip_couple : (3,) array_like, N and N m
+            Dead loads at the tip, in the lab frame.
+        force_per_length : (3,) or (n, 3) array_like, N/m
+            Dead load per rest length, the same everywhere or of each element.
+        gravity : (3,) array_like, m/s^2
+        follower_force, follower_couple : (3,) array_like, N and N m
+            At the tip, in the material frame (d1, d2, d3) of the last element, with which they turn.
+        follower_per_length : (3,) or (n, 3) array_like, N/m
+            In the material frame of each element, with which it turns.
+
+        Raises
+        ------
+        OctoctrlError
+            If a shape does not fit or a number is not finite.
+        """
+        n, rows = self.elements, self.rows
+        half = rows[Row.LENGTH, 1 : n + 1, None] / 2
+        dead, follower = (
+            half * finite_array(name, value, (n, 3) if np.ndim(value) == 2 else (3,))
+            for name, value in (("force_per_length", force_per_length), ("follower_per_length", follower_per_length))
+        )
+        force, couple, turning, outer = np.zeros((n + 1, 3)), np.zeros((n, 3)), np.zeros((n, 3)), follower.copy()
+        force[:-1] += dead
+        force[1:] += dead
+        force += self.node_mass[:, None] * finite_array("gravity", gravity, (3,))
+        force[-1] += finite_array("tip_force", tip_force, (3,))
+        couple[-1] = finite_array("tip_couple", tip_couple, (3,))
+        outer[-1] += finite_array("follower_force", follower_force, (3,))
+        turning[-1] = finite_array("follower_couple", follower_couple, (3,))
+        rows[Row.FORCE1 : Row.FORCE3 + 1, 1 : n + 2], rows[Row.COUPLE1 : Row.COUPLE3 + 1, 1 : n + 1] = force.T, couple.T
+        self._loads = Followers(bool(outer.any() or turning.any()), force, couple, follower, outer, turning)
+
+    def energy(self) -> dict[str, float]:
         """Kinetic and elastic energy, J."""
         return rod_energy(self.rows, self.elements, self.node_mass, constant_section=self.rod.section == "constant")
 
-    def advance(self, duration, samples=1):
+    def advance(self, duration: float, samples: int = 1) -> tuple[Floats, Floats, Floats]:
         """Move on by `duration` (s).
 
         Parameters
@@ -229,94 +308,60 @@ class RodSimulation:
         Raises
         ------
         PlantUnstableError
-            If the rod diverges; the message names time, element and mechanism.
+            If the rod diverges; the message names time, element and mechanism. The rod is then where it was at most 128 steps before, at
+            `time`; other loads, `restore` or `reset` lead on from there.
+        OctoctrlError
+            If an argument is out of range, or a held node is not at its support.
         """
         check_number("duration", duration, above=0.0, unit="s")
+        samples = check_count("samples", samples)
         interval = duration / samples
         steps = max(1, round(interval / self.dt))
         if abs(steps * self.dt - interval) > 1e-9 * interval:
-            steps = int(np.ceil(interval / self.dt * (1 - 1e-12)))
+            steps = ceil(interval / self.dt * (1 - 1e-12))
         h = interval / steps
+        self._check_supports()
         self._prepare(h)
-        n = self.elements
-        points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        done, finding, element = self._step(h, steps, points, frames, stretch)
-        time = self.time + interval * np.arange(1, samples + 1)
-        self.time += interval * done
+        self._good[:] = self.rows[:STATE_ROWS, : self.elements + 2]
+        start = self.time
+        done, beyond, finding, element, points, frames = self._step(start, h, steps, samples)
+        self.time = start + interval * done + h * beyond
         if finding:
-            raise_unstable(self.time + interval, int(element) - 1, finding, h, self.limit)
+            raise self._stopped(h, finding, element)
+        time: Floats = start + interval * np.arange(1.0, samples + 1)
         return time, points, frames
 
+    def _check_supports(self) -> None:
+        held, points = self._holding.at(np.array([self.time])), self.points
+        for node, place, rail in zip(held.nodes.astype(int) - 1, held.points[0], held.rails, strict=True):
+            gap = points[node] - place
+            gap -= (gap @ rail) * rail
+            if np.linalg.norm(gap) > NEAR * self.rows[Row.LENGTH, 1 : self.elements + 1].min():
+                raise OctoctrlError(
+                    f"node {node} is {np.linalg.norm(gap):.3g} m from its support at t={self.time:.4g} s; place the rod where it is held"
+                )
 
-def set_state(rows, n, points, frames, base_frame):
-    """Write positions (n + 1, 3), frames (n, 3, 3) and the ghost frame of the clamp; everything at rest."""
-    rows[:STATE_ROWS] = 0.0
-    rows[Row.X1 : Row.X3 + 1, 1 : n + 2] = np.asarray(points).T
-    rows[Row.Q11 : Row.Q33 + 1, 1 : n + 1] = np.asarray(frames).reshape(n, 9).T
-    rows[Row.Q11 : Row.Q33 + 1, 0] = np.asarray(base_frame).reshape(9)
-    rows[Row.STRETCH] = 1.0
-
-
-def set_joints(rows, n, length, bend, twist, clamped):
-    """Lengths of elements and joints, and stiffnesses (per element, N m^2) averaged over the two half elements of each joint."""
-    joint = np.empty(n + 1)
-    joint[0], joint[-1], joint[1:-1] = length[0] / 2, length[-1] / 2, (length[1:] + length[:-1]) / 2
-    rows[Row.JOINT_LENGTH, 1 : n + 2], rows[Row.INVERSE_JOINT, 1 : n + 2] = joint, 1 / joint
-    rows[Row.LENGTH, 1 : n + 1], rows[Row.INVERSE_LENGTH, 1 : n + 1] = length, 1 / length
-    for row, stiffness in ((Row.BEND1, bend), (Row.BEND2, bend), (Row.TWIST, twist)):
-        rows[row, 2 : n + 1] = (stiffness[1:] * length[1:] + stiffness[:-1] * length[:-1]) / (length[1:] + length[:-1])
-        rows[row, 1] = stiffness[0] if clamped else 0.0
-
-
-def node_masses(element_values):
-    """Half of each element's value on either of its nodes."""
-    return np.concatenate([[element_values[0] / 2], (element_values[1:] + element_values[:-1]) / 2, [element_values[-1] / 2]])
-
-
-def set_damping(rows, n, h, node_rate, bend_rate, twist_rate, *, fixed, masses=None):
-    """Decay factors exp(-g h) and mobilities h phi1(g h) / inertia; held nodes and elements get neither."""
-    masses = 1 / rows[Row.NODE_MOBILITY, 1 : n + 2] if masses is None else masses
-    decay, weight = damped(node_rate, h)
-    rows[Row.NODE_DECAY, 1 : n + 2] = decay
-    rows[Row.NODE_MOBILITY, 1 : n + 2] = weight / masses
-    bend_decay, bend_weight = damped(bend_rate, h)
-    twist_decay, twist_weight = damped(twist_rate, h)
-    rows[Row.BEND_DECAY, 1 : n + 1], rows[Row.TWIST_DECAY, 1 : n + 1] = bend_decay, twist_decay
-    rows[Row.MOBILITY1, 1 : n + 1] = bend_weight / rows[Row.INERTIA1, 1 : n + 1]
-    rows[Row.MOBILITY2, 1 : n + 1] = bend_weight / rows[Row.INERTIA2, 1 : n + 1]
-    rows[Row.MOBILITY3, 1 : n + 1] = twist_weight / rows[Row.INERTIA3, 1 : n + 1]
-    if fixed != "free":
-        rows[Row.NODE_DECAY, 1] = rows[Row.NODE_MOBILITY, 1] = 0.0
-    if fixed == "element":
-        for row in (Row.BEND_DECAY, Row.TWIST_DECAY, Row.MOBILITY1, Row.MOBILITY2, Row.MOBILITY3):
-            rows[row, 1] = 0.0
+    def _stopped(self, h: float, finding: int, element: int) -> PlantUnstableError:
+        """Go the last block again, step by step: when and where it began, and whether the motion alternated; then go back before it."""
+        good = self._good.copy()
+        self.rows[:STATE_ROWS, : self.elements + 2] = good
+        done, _, first, where, _, frames = self._step(self.time, h, 1, BLOCK)
+        if first:
+            finding, element = first, where
+        turned = alternation(frames[:, max(0, element - 1) : element + 2])
+        unstable = turned is not None and turned > ALTERNATING
+        self.rows[:STATE_ROWS, : self.elements + 2] = self._good[:] = good
+        remedy = "halve dt" if unstable else "lower or ramp the load, use more elements, or halve dt"
+        stop = Stop(
+            time=self.time + h * (done + 1),
+            rod="arm",
+            element=element,
+            finding=Finding(finding),
+            unstable=unstable,
+            cause=f"{remedy}; the rod is back at t={self.time:.4g} s",
+        )
+        return PlantUnstableError.of(stop, stop.message(h, f"predicted limit {self.limit.step:.2g} s from {self.limit.mechanism}"))
 
 
-def raise_unstable(time, element, finding, dt, limit):
-    """Raise `PlantUnstableError` in physical terms."""
-    cause = "most likely a sudden load - smooth it (ramp >= 20 ms) or halve dt"
-    stop = Stop(time=time, rod="arm", element=element, finding=Finding(finding), unstable=None, cause=cause)
-    known = f"(dt={dt:.2g} s, predicted limit {limit.step:.2g} s from {limit.mechanism})"
-    raise PlantUnstableError.of(stop, f"unstable at t={time:.3f} s: {stop.place} {stop.mechanism} {known}; {cause}")
-
-
-def joint_curvature(rows, n):
-    """Curvature (3, n) of the joints, 1/m, from the present frames; joint 1 is the one at the base."""
-    frames = rows[Row.Q11 : Row.Q33 + 1, : n + 1].T.reshape(-1, 3, 3)
-    return (rotation_vector(frames[1:] @ np.swapaxes(frames[:-1], 1, 2)) / rows[Row.JOINT_LENGTH, 1 : n + 1, None]).T
-
-
-def rod_energy(rows, n, node_mass, constant_section):
-    """Kinetic and elastic energy of a rod at a sample, J; for an incompressible section what is called elastic is its nearest relative."""
-    points, frames = rows[Row.X1 : Row.X3 + 1, 1 : n + 2], rows[Row.Q11 : Row.Q33 + 1, 1 : n + 1].T.reshape(-1, 3, 3)
-    edges, length = np.diff(points, axis=1).T, rows[Row.LENGTH, 1 : n + 1]
-    stretch = np.ones(n) if constant_section else np.linalg.norm(edges, axis=1) / length
-    sigma = np.einsum("kij,kj->ki", frames, edges) / length[:, None] - np.array([0.0, 0.0, 1.0])
-    stiffness = np.stack([rows[Row.SHEAR, 1 : n + 1], rows[Row.SHEAR, 1 : n + 1], rows[Row.AXIAL, 1 : n + 1]], axis=1)
-    kinetic = 0.5 * np.sum(node_mass * np.sum(rows[Row.V1 : Row.V3 + 1, 1 : n + 2] ** 2, axis=0))
-    kinetic += 0.5 * np.sum(rows[Row.INERTIA1 : Row.INERTIA3 + 1, 1 : n + 1] * rows[Row.W1 : Row.W3 + 1, 1 : n + 1] ** 2 / stretch)
-    bending = np.stack([rows[row, 1 : n + 1] for row in (Row.BEND1, Row.BEND2, Row.TWIST)])
-    kappa = joint_curvature(rows, n) - rows[Row.REST1 : Row.REST3 + 1, 1 : n + 1]
-    elastic = 0.5 * np.sum(stiffness * sigma**2 / stretch[:, None] * length[:, None])
-    elastic += 0.5 * np.sum(bending * kappa**2 * rows[Row.JOINT_LENGTH, 1 : n + 1])
-    return {"kinetic": float(kinetic), "elastic": float(elastic)}
+def _holds_base(support: Support) -> bool:
+    return support.node == 0 if isinstance(support, Pin) else support.end == "base"

@@ -9,14 +9,13 @@ Discretisation: Gazzola et al. (2018, R. Soc. Open Sci. 5:171628, eqs 2.17-2.24)
 One step is drift, kick, drift. Damping at a physical rate g (1/s) is exact over the step: v becomes exp(-g h) v + phi1(g h) h a, so the
 force keeps its full effect (applied after the kick, damping would weaken it and make the scheme first order).
 
-No trigonometric function is called: the exponential map is a series in the squared angle of one step, the logarithm a series in
-sin^2(theta/2) = (3 - trace) / 4. A library call would cost three times the whole step.
+No trigonometric function is called, see `octoctrl.sim.physics.rotation_kernels`.
 """
 
 import numpy as np
 
 from ..compiler import kernel
-from ..physics.rotation_kernels import angle_over_sine
+from ..physics.rotation_kernels import angle_over_sine, orthonormal, rotation, turned
 from .layout import offsets
 
 ONE = np.uint64(1)
@@ -75,30 +74,14 @@ def rod_kernels(stride, constant_section=False):
                     w3 + half * (p1 * w2 - p2 * w1) / i3,
                 )
             u1, u2, u3 = h * w1, h * w2, h * w3
-            square = u1 * u1 + u2 * u2 + u3 * u3
-            sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880 - square * (1 / 39916800)))))
-            cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square * (1 / 3628800 - square * (1 / 479001600)))))
-            # Rows of exp(-[u]): 1 - sine [u] + cosine (u u^T - u.u).
-            r11, r22, r33 = 1 - cosine * (u2 * u2 + u3 * u3), 1 - cosine * (u1 * u1 + u3 * u3), 1 - cosine * (u1 * u1 + u2 * u2)
-            c12, c13, c23 = cosine * u1 * u2, cosine * u1 * u3, cosine * u2 * u3
-            s1, s2, s3 = sine * u1, sine * u2, sine * u3
+            r = rotation(u1, u2, u3)
             if constant_section:
                 # Angular momentum stays where it is while the frame turns.
-                b[W1 + k] = (r11 * p1 + (c12 + s3) * p2 + (c13 - s2) * p3) / i1
-                b[W2 + k] = ((c12 - s3) * p1 + r22 * p2 + (c23 + s1) * p3) / i2
-                b[W3 + k] = ((c13 + s2) * p1 + (c23 - s1) * p2 + r33 * p3) / i3
-            a, d, g = b[Q11 + k], b[Q21 + k], b[Q31 + k]
-            b[Q11 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
-            b[Q21 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
-            b[Q31 + k] = (c13 + s2) * a + (c23 - s1) * d + r33 * g
-            a, d, g = b[Q12 + k], b[Q22 + k], b[Q32 + k]
-            b[Q12 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
-            b[Q22 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
-            b[Q32 + k] = (c13 + s2) * a + (c23 - s1) * d + r33 * g
-            a, d, g = b[Q13 + k], b[Q23 + k], b[Q33 + k]
-            b[Q13 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
-            b[Q23 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
-            b[Q33 + k] = (c13 + s2) * a + (c23 - s1) * d + r33 * g
+                p1, p2, p3 = turned(r, p1, p2, p3)
+                b[W1 + k], b[W2 + k], b[W3 + k] = p1 / i1, p2 / i2, p3 / i3
+            b[Q11 + k], b[Q21 + k], b[Q31 + k] = turned(r, b[Q11 + k], b[Q21 + k], b[Q31 + k])
+            b[Q12 + k], b[Q22 + k], b[Q32 + k] = turned(r, b[Q12 + k], b[Q22 + k], b[Q32 + k])
+            b[Q13 + k], b[Q23 + k], b[Q33 + k] = turned(r, b[Q13 + k], b[Q23 + k], b[Q33 + k])
 
     @kernel
     def strain(b, n):
@@ -233,31 +216,17 @@ def rod_kernels(stride, constant_section=False):
 
 
 def frame_kernel(stride):
-    """Compile ``straighten(buffer, n)``, which takes every element's frame to the nearest orthonormal one.
-
-    One Newton step of the polar decomposition (Higham 1986, SIAM J. Sci. Stat. Comput. 7:1160): Q <- (3 I - Q Q^T) Q / 2. Turned by less
-    than 1e-8 rad in a step, a frame loses what falls below the last digit of its numbers, always on the same side: after some 1e5 steps
-    that is seen, and no more accurate series could help.
-    """
+    """Compile ``straighten(buffer, n)``, which takes every element's frame to the nearest orthonormal one."""
     o = offsets(stride)
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
 
     @kernel
     def straighten(b, n):
         for k in range(ONE, n + ONE):
-            a1, a2, a3 = b[Q11 + k], b[Q12 + k], b[Q13 + k]
-            c1, c2, c3 = b[Q21 + k], b[Q22 + k], b[Q23 + k]
-            d1, d2, d3 = b[Q31 + k], b[Q32 + k], b[Q33 + k]
-            aa, cc, dd = a1 * a1 + a2 * a2 + a3 * a3 - 1, c1 * c1 + c2 * c2 + c3 * c3 - 1, d1 * d1 + d2 * d2 + d3 * d3 - 1
-            ac, ad, cd = a1 * c1 + a2 * c2 + a3 * c3, a1 * d1 + a2 * d2 + a3 * d3, c1 * d1 + c2 * d2 + c3 * d3
-            b[Q11 + k] = a1 - 0.5 * (aa * a1 + ac * c1 + ad * d1)
-            b[Q12 + k] = a2 - 0.5 * (aa * a2 + ac * c2 + ad * d2)
-            b[Q13 + k] = a3 - 0.5 * (aa * a3 + ac * c3 + ad * d3)
-            b[Q21 + k] = c1 - 0.5 * (ac * a1 + cc * c1 + cd * d1)
-            b[Q22 + k] = c2 - 0.5 * (ac * a2 + cc * c2 + cd * d2)
-            b[Q23 + k] = c3 - 0.5 * (ac * a3 + cc * c3 + cd * d3)
-            b[Q31 + k] = d1 - 0.5 * (ad * a1 + cd * c1 + dd * d1)
-            b[Q32 + k] = d2 - 0.5 * (ad * a2 + cd * c2 + dd * d2)
-            b[Q33 + k] = d3 - 0.5 * (ad * a3 + cd * c3 + dd * d3)
+            (
+                b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k],
+            ) = orthonormal(
+                b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k],
+            )  # fmt: skip
 
     return straighten
