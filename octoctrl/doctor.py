@@ -125,7 +125,7 @@ def _plant() -> str:
 def needs(configuration: Configuration) -> Findings:
     """Say what the task of a `configuration` needs, what is left out for it, which step binds, and how long a run will take."""
     task, name = configuration.task, configuration.run.plant
-    activation, duration = _guess(task)
+    activation, duration = _guess(task.on(configuration.arm))
     row, plant = PLANTS[name], Plant(configuration.arm, configuration.scene, name)
     rows = [("plant", f"{name}: {row.text}", "needed"), *_features(plant, row, activation.groups)]
     rows += [("step", step_text(plant), ""), ("run time", _run_time(plant, row, activation, duration), "")]

@@ -7,6 +7,7 @@ see the same activation. The formulas take the module they calculate with (`nump
 
 from dataclasses import dataclass, field
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -265,7 +266,7 @@ def _check_template(template):
     check_window(type(template).__name__, template.window)
 
 
-def check_window(owner: str, window: tuple[float, float]) -> None:
+def check_window(owner: str, window: Any) -> None:
     """Check a window of the arm: two arclengths, m, of which the second may be infinite.
 
     Raises

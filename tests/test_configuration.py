@@ -1,6 +1,6 @@
 import itertools
 import tomllib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf, pi
 
 import numpy as np
@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from octoctrl import tasks
 from octoctrl.files.configuration import Configuration, PlanSettings, RunSettings, parse
+from octoctrl.files.conversion import build
+from octoctrl.files.toml_source import Source
 from octoctrl.files.toml_writing import toml_of
-from octoctrl.planners.asking.goals.keep_out import Capsule, HalfSpace, Sphere
+from octoctrl.planners.asking.goals.keep_out import CapsuleZone, HalfSpaceZone, SphereZone
 from octoctrl.planners.asking.primitives import Shorten, Twist
 from octoctrl.planners.asking.registry import goal, goal_kinds
 from octoctrl.planners.asking.task import Drive, Phase, Task
@@ -29,9 +31,9 @@ positive = st.floats(1e-3, 1e3)
 finite = st.floats(-5, 5)
 vectors = st.tuples(finite, finite, st.floats(0.1, 5))
 bodies = st.one_of(
-    st.builds(Sphere, centre=vectors, radius=positive),
-    st.builds(Capsule, start=vectors, stop=vectors.map(lambda vector: (*vector[:2], vector[2] + 6)), radius=positive),
-    st.builds(HalfSpace, point=vectors, normal=st.permutations((0.0, 1.0, 0.0)).map(tuple)),
+    st.builds(SphereZone, centre=vectors, radius=positive),
+    st.builds(CapsuleZone, start=vectors, stop=vectors.map(lambda vector: (*vector[:2], vector[2] + 6)), radius=positive),
+    st.builds(HalfSpaceZone, point=vectors, normal=st.permutations((0.0, 1.0, 0.0)).map(tuple)),
 )
 targets = st.one_of(
     *(st.fixed_dictionaries({name: finite}) for name in ("value", "at_least", "at_most")),
@@ -144,14 +146,95 @@ def test_goals_take_units_and_bodies():
         { quantity = "tip", value = ["70 mm", "11 cm", 0.02], tolerance = "10 mm", hold = "400 ms" },
         { quantity = "sucker_side", azimuth = "45 deg", at_least = 0.8 },
         { quantity = "twist", window = ["0 mm", "80 mm"], between = [-0.2, 0.2] },
-        { quantity = "keep_out", shape = { kind = "Capsule", start = [0.01, 0, 0], stop = [0, 0, 1], radius = "12 mm" }, margin = "6 mm" },
+      { quantity = "keep_out", shape = { kind = "CapsuleZone", start = [0.01, 0, 0], stop = [0, 0, 1], radius = "1 cm" }, margin = "6 mm" },
     ]"""
     assert parse(SMALL, overrides=[written]).task.phases[0].goals == (
         goal("tip", value=(0.07, 0.11, 0.02), tolerance=0.01, hold=0.4),
         goal("sucker_side", azimuth=pi / 4, at_least=0.8),
         goal("twist", window=(0.0, 0.08), between=(-0.2, 0.2)),
-        goal("keep_out", shape=Capsule(start=(0.01, 0.0, 0.0), stop=(0.0, 0.0, 1.0), radius=0.012), margin=0.006),
+        goal("keep_out", shape=CapsuleZone(start=(0.01, 0.0, 0.0), stop=(0.0, 0.0, 1.0), radius=0.01), margin=0.006),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Thing:
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ball(_Thing):
+    radius: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sheet:
+    size: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Shelf:
+    things: tuple[_Thing, ...] = ()
+    other: _Ball | _Sheet | None = None
+    either: float | _Sheet = 0.5
+
+
+def test_lists_and_fields_hold_objects_of_several_classes():
+    def shelf(text):
+        return build(_Shelf, tomllib.loads(text), Source("shelf.toml", text))
+
+    text = "[[things]]\nname = 'a'\n[[things]]\nkind = '_ball'\nname = 'b'\nradius = '2 cm'\n[other]\nkind = '_Sheet'\nsize = [1, 2]\n"
+    found = shelf(text + "[either]\n")
+    assert found == _Shelf(things=(_Thing(name="a"), _Ball(name="b", radius=0.02)), other=_Sheet(size=(1.0, 2.0)), either=_Sheet())
+    assert shelf("other = { name = 'c' }\neither = 2") == _Shelf(other=_Ball(name="c"), either=2.0)
+    assert shelf("other = 'none'").other is None
+    for wrong, complaint in {
+        "[[things]]\nkind = 'Bal'": "shelf.toml:2 things[0].kind: unknown kind 'Bal'; did you mean '_Ball'? (_Thing, _Ball)",
+        "other = { kind = '_Sheet', radius = 1 }": "shelf.toml:1 other.radius: unknown key (known: size)",
+        "other = 3": "shelf.toml:1 other: expected a table, found the number 3",
+        "either = 'x'": "shelf.toml:1 either: expected a number, found the string 'x'",
+    }.items():
+        with pytest.raises(OctoctrlError) as caught:
+            shelf(wrong)
+        assert str(caught.value) == complaint
+
+
+def test_arms_of_other_classes_are_named_by_kind():
+    from octoctrl.sim.body.squid import SquidTentacle
+
+    configuration = parse(SMALL, overrides=["arm.kind='SquidTentacle'", "arm.length='9 cm'"])
+    assert configuration.arm == SquidTentacle(length=0.09)
+    assert parse(toml_of(configuration)) == configuration and type(parse(toml_of(configuration)).arm) is SquidTentacle
+
+
+def test_shares_of_the_arm_become_lengths_on_it():
+    """Written, read back, and on two arms."""
+    written = [
+        "task.drives[0].settings.window=['10 %', '98.9 %']",
+        "task.phases[0].goals=[{ quantity='length', value='90 %' }, { quantity='tip', value=[0, '4e1 %', '1 cm'] }, "
+        "{ quantity='twist', value=0.1, window=[0, '25%'] }]",
+    ]
+    configuration = parse(SMALL, overrides=written)
+    assert (
+        parse(toml_of(configuration)) == configuration and "'10 %'" not in toml_of(configuration) and '"10.0 %"' in toml_of(configuration)
+    )
+    for length in (0.2, 0.3):
+        task = configuration.task.on(Arm(length=length, base_radius=0.012))
+        assert task.drives[0].primitive.window == pytest.approx((0.1 * length, 0.989 * length))
+        stretch, tip, twist = task.phases[0].goals
+        assert stretch.value == pytest.approx(0.9 * length) and tip.value == pytest.approx((0.0, 0.4 * length, 0.01))
+        assert twist.window == pytest.approx((0.0, 0.25 * length))
+        assert task.on(Arm()) is task
+    assert str(configuration.task.phases[0].goals[2]) == "twist 0.1 ± 0.05 turns from 0 mm to 25 %"
+
+
+def test_a_share_is_taken_of_lengths_on_the_arm_only():
+    for setting, complaint in {
+        "arm.length='40 %'": "unit '%' not known; use m, cm, mm",
+        "task.drives[0].settings.rise='40 %'": "unit '%' not known; use s, ms",
+        "task.phases[0].goals=[{ quantity='twist', value='40 %' }]": "expected a number, found the string '40 %'",
+    }.items():
+        with pytest.raises(OctoctrlError, match=complaint):
+            parse(SMALL, overrides=[setting])
 
 
 def test_overrides_address_elements_by_name_and_number():
@@ -293,6 +376,28 @@ def test_programmes_are_the_published_laws(name):
         values = activation.compose(np, group, time, centres - 1e-3 * spacing, centres + 1e-3 * spacing)
         expected = [written(laws_at(name, time), group, time, element) for element in elements[group]]
         np.testing.assert_allclose(values, expected, atol=2e-6, err_msg=f"{group} at {times[t]} s")
+
+
+RATES = {
+    # Linear drag rates of rings and oblique fibres, 1/s: 250 over the figure's divisors.
+    ("fig2c", "fig2e", "si9"): (12, 2),
+    ("fig3a", "fig3b", "fig3c"): (48, 300),
+    ("fig4a", "fig4e", "fig4f", "fig4g", "fig4i", "si10b", "si11a"): (12, 12),
+}
+
+
+def test_programmes_bring_the_water_of_their_figure():
+    assert {name for names in RATES for name in names} == set(tasks.programmes())
+    for names, (ring, oblique) in RATES.items():
+        for name in names:
+            water = tasks.programme(name).scene.water
+            assert (water.ring_rate, water.oblique_rate) == pytest.approx((250 / ring, 250 / oblique), rel=1e-7), name
+            # Figure 3a moves against 1.387 times the quadratic drag, on three of the eight longitudinal muscles.
+            share = 1.387 * 3 / 8 if name == "fig3a" else 1.0
+            assert (water.normal_coefficient, water.tangential_coefficient) == pytest.approx((1.013 * share, 0.0256 * share), rel=1e-5), (
+                name
+            )
+            assert (water.density, water.factor) == (1050.0, 1.0)
 
 
 def test_all_programmes_are_tested_and_stay_in_bounds():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import coil_strains
 
-from octoctrl.planners.asking.goals.keep_out import Capsule, HalfSpace, Sphere
+from octoctrl.planners.asking.goals.keep_out import CapsuleZone, HalfSpaceZone, SphereZone
 from octoctrl.planners.asking.registry import goal, goal_kinds
 from octoctrl.planners.asking.task import miss_in_phase
 from octoctrl.planners.contracts import Goal, When
@@ -33,9 +33,9 @@ ASKED = {
     "packet": goal("packet", value=0.06),
     "tip": goal("tip", value=(0.02, 0.1, -0.03)),
     "tip tangent": goal("tip_tangent", direction=(1.0, 1.0, 0.5)),
-    "clear of a sphere": goal("keep_out", shape=Sphere(centre=(0.01, 0.08, 0.02), radius=0.01)),
-    "clear of a capsule": goal("keep_out", shape=Capsule(start=(0.03, 0.1, 0.0), stop=(0.0, 0.12, 0.05), radius=0.02)),
-    "clear of a wall": goal("keep_out", shape=HalfSpace(point=(0.0, 0.0, -0.02), normal=(0.0, 0.1, 2.0))),
+    "clear of a sphere": goal("keep_out", shape=SphereZone(centre=(0.01, 0.08, 0.02), radius=0.01)),
+    "clear of a capsule": goal("keep_out", shape=CapsuleZone(start=(0.03, 0.1, 0.0), stop=(0.0, 0.12, 0.05), radius=0.02)),
+    "clear of a wall": goal("keep_out", shape=HalfSpaceZone(point=(0.0, 0.0, -0.02), normal=(0.0, 0.1, 2.0))),
 }
 
 
@@ -173,12 +173,12 @@ def test_keep_out_is_entered_by_the_surface_of_the_arm(model):
     """A straight arm along y, 12 mm wide at the base, beside bodies whose distance is known."""
     section = model.arm.section(model.arm.edges)
     shapes = {
-        Sphere(centre=(0.05, 0.1, 0.0), radius=0.02): np.hypot(0.05, model.arm.edges - 0.1) - 0.02,
-        Capsule(start=(0.04, 0.05, 0.0), stop=(0.04, 0.15, 0.0), radius=0.01): np.hypot(
+        SphereZone(centre=(0.05, 0.1, 0.0), radius=0.02): np.hypot(0.05, model.arm.edges - 0.1) - 0.02,
+        CapsuleZone(start=(0.04, 0.05, 0.0), stop=(0.04, 0.15, 0.0), radius=0.01): np.hypot(
             0.04, np.maximum(np.maximum(0.05 - model.arm.edges, model.arm.edges - 0.15), 0.0)
         )
         - 0.01,
-        HalfSpace(point=(0.0, 0.19, 0.0), normal=(0.0, -1.0, 0.0)): 0.19 - model.arm.edges,
+        HalfSpaceZone(point=(0.0, 0.19, 0.0), normal=(0.0, -1.0, 0.0)): 0.19 - model.arm.edges,
     }
     for shape, distance in shapes.items():
         clearance = (distance - section.outer_radius).min()
@@ -228,9 +228,9 @@ def test_goals_say_what_they_are():
         "packet 0.06 ± 0.008 m",
         "tip (0.02, 0.1, -0.03) ± 0.01 m",
         "tip tangent (0.667, 0.667, 0.333) ± 0.2 rad",
-        "keep out of a Sphere by 6 mm ± 0.003 m throughout",
-        "keep out of a Capsule by 6 mm ± 0.003 m throughout",
-        "keep out of a HalfSpace by 6 mm ± 0.003 m throughout",
+        "keep out of a SphereZone by 6 mm ± 0.003 m throughout",
+        "keep out of a CapsuleZone by 6 mm ± 0.003 m throughout",
+        "keep out of a HalfSpaceZone by 6 mm ± 0.003 m throughout",
     ]
     assert str(goal("twist", value=1.0, hold=0.4)) == "twist 1 ± 0.05 turns for 0.4 s"
 

@@ -14,6 +14,7 @@ from octoctrl.carrying.results import ExecutionStatus
 from octoctrl.cli.application import main
 from octoctrl.files import store
 from octoctrl.planners.asking.registry import primitive
+from octoctrl.planners.asking.shares import Share
 from octoctrl.sim.errors import OctoctrlError
 
 TEMPLATE = """[task]
@@ -55,6 +56,11 @@ OBJECTS = [
     (lambda: oc.Plateau(groups=("LM1",), level=0.2, offset="never"), "offset: expected a number in s, found the string 'never'"),
     (lambda: oc.Plateau(groups=("LM1",), level=0.2, window=(float("nan"), 0.1)), "Plateau: window is nan; a finite number is needed"),
     (lambda: oc.Bend(window=0.1), "Plateau: window is 0.1; two arclengths in metres are needed"),
+    (lambda: oc.goal("twist", value=Share(percent=10.0)), "goal twist 10 % ± 0.05 turns: only lengths can be shares of the arm"),
+    (lambda: oc.Bend(window=(0.0, Share(percent=50.0))).templates(), "Plateau: window: expected a number in m, found Share 50 % of the arm"),
+    (lambda: float(Share(percent=50.0)), "50 % of the arm is no length before the arm is known; take task.on(arm)"),
+    (lambda: task(window=(0.3, 0.4)).on(oc.Arm()), "drive 'bend': the window begins at 0.3 m, beyond the arm of 0.2 m; give arclengths on the arm, or shares of it such as '40 %'"),
+    (lambda: task(window=(Share(percent=50.0), 0.05)).on(oc.Arm()), "Plateau: window (0.1, 0.05) m: the begin must lie before the end"),
     (lambda: oc.goal("twist"), "goal twist: none is given; one of value, at_least, at_most, between is needed"),
     (lambda: oc.goal("twist", value=1.0, at_least=0.5), "goal twist: value and at_least are given; one of value, at_least, at_most, between is needed"),
     (lambda: oc.goal("twist", between=(0.5, -0.5)), "goal twist: between (0.5, -0.5): the first must not be above the second"),
@@ -79,9 +85,9 @@ OBJECTS = [
 ]  # fmt: skip
 
 
-def task(names=("a", "b"), goals=(), begins="a", ends="", drives=1, level=0.3, pole=(0, 0, 1)):
+def task(names=("a", "b"), goals=(), begins="a", ends="", drives=1, level=0.3, pole=(0, 0, 1), window=(0.0, 0.1)):
     phases = tuple(oc.Phase(name=name, duration=1.0, goals=goals) for name in names)
-    drive = oc.Drive(name="bend", primitive=oc.Bend(level=level), begins=begins, ends=ends)
+    drive = oc.Drive(name="bend", primitive=oc.Bend(level=level, window=window), begins=begins, ends=ends)
     return oc.Task(name="task", phases=phases, drives=(drive,) * drives, convention=oc.TopologyConvention(pole=pole))
 
 
@@ -116,7 +122,7 @@ FILES = [
     ('value = -1.0', 'valeu = -1.0', "reach.toml:7 task.phases[0].goals[0].valeu: unknown key; did you mean 'value'? (known: tolerance, when, hold, value, at_least, at_most, between, window)"),
     ('"twist", value = -1.0', '"twist", when = "always", value = -1.0', "reach.toml:7 task.phases[0].goals[0].when: expected end or throughout, found the string 'always'"),
     ('{ quantity = "twist", value = -1.0 }', '{ value = -1.0 }', "reach.toml:7 task.phases[0].goals[0]: 'quantity' is missing"),
-    ('{ quantity = "twist", value = -1.0 }', '{ quantity = "keep_out", shape = { kind = "Spere", radius = "1 cm" } }', "reach.toml:7 task.phases[0].goals[0].shape.kind: unknown kind 'Spere'; did you mean 'Sphere'? (Sphere, Capsule, HalfSpace)"),
+    ('{ quantity = "twist", value = -1.0 }', '{ quantity = "keep_out", shape = { kind = "SpereZone", radius = "1 cm" } }', "reach.toml:7 task.phases[0].goals[0].shape.kind: unknown kind 'SpereZone'; did you mean 'SphereZone'? (SphereZone, CapsuleZone, HalfSpaceZone)"),
     ('{ quantity = "twist", value = -1.0 }', '{ quantity = "tip", value = ["1 cm", 0.1] }', "reach.toml:7 task.phases[0].goals[0].value: expected 3 values, found 2"),
     ("length = 0.2", "length = 1" + 400 * "0", "reach.toml:16 arm.length: the number is beyond 1e308"),
     ("[arm]", "a = " + 3000 * "[" + "\n[arm]", "reach.toml: not valid TOML: brackets are nested too deeply"),

@@ -18,6 +18,7 @@ from octoctrl import tasks
 from octoctrl.carrying.results import ExecutionStatus, VerdictStatus
 from octoctrl.files import store, writing
 from octoctrl.judging.verification import verify
+from octoctrl.planners.asking.registry import stored_kinds
 from octoctrl.planners.contracts import ControllerReport
 from octoctrl.sim.activation import Plateau
 from octoctrl.sim.errors import OctoctrlError
@@ -92,6 +93,10 @@ def test_files_hold_no_pickle(tmp_path, coil_run):
     path = store.save(tmp_path / "run.npz", coil_run)
     with np.load(path, allow_pickle=False) as archive:
         assert all(archive[name].dtype != object for name in archive.files)
+
+
+def test_primitives_and_goals_have_names_of_their_own():
+    assert not set(stored_kinds()) & set(store._HOME_OF)
 
 
 @store.register

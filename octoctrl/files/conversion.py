@@ -15,6 +15,7 @@ from math import radians
 from typing import Any
 
 from octoctrl.planners.asking.registry import goal_kinds, primitive_kinds
+from octoctrl.planners.asking.shares import Share
 from octoctrl.planners.asking.task import Drive
 from octoctrl.planners.contracts import Goal
 from octoctrl.sim.errors import OctoctrlError, suggest
@@ -40,6 +41,7 @@ _FIELDS_IN = {
 UNIT_OF = {name: unit for unit, names in _FIELDS_IN.items() for name in names.split()}
 """Unit of the fields that have one, by name."""
 
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _IN_UNIT_OF_GOAL = ("value", "at_least", "at_most", "between", "tolerance")
 _PLAIN: dict[type, tuple[type, str]] = {str: (str, "text"), int: (int, "a whole number"), bool: (bool, "true or false")}
 
@@ -92,6 +94,9 @@ def build(hint: Any, value: Any, source: Source, path: Path = (), *, unit: str |
 def _build_one_of(choices: tuple[Any, ...], value: Any, source: Source, path: Path, unit: str | None, default: Any) -> Any:
     if type(None) in choices and value == "none":
         return None
+    if Share in choices and unit == "m" and isinstance(value, str) and (match := re.fullmatch(rf"\s*({_NUMBER})\s*%\s*", value)):
+        return Share(percent=float(match[1]))
+    choices = tuple(choice for choice in choices if choice is not Share)
     classes = [choice for choice in choices if is_dataclass(choice)]
     others = [choice for choice in choices if choice is not type(None) and choice not in classes]
     if classes and (isinstance(value, Mapping) or not others):
@@ -114,11 +119,10 @@ def _build_table(classes: list[Any], table: Any, source: Source, path: Path, def
     kind = type(default) if default is not None else classes[0]
     if "kind" in table and not any(item.name == "kind" for item in fields(kind)):
         known = {choice.__name__: choice for choice in _with_subclasses(classes)}
-        if table["kind"] not in known:
-            name = table["kind"]
+        name = next((word for word in known if word.lower() == str(table["kind"]).lower()), table["kind"])
+        if name not in known:
             raise OctoctrlError(f"{source.where((*path, 'kind'))}: unknown kind '{name}'{suggest(name, known)} ({', '.join(known)})")
-        default = default if known[table["kind"]] is kind else None
-        kind = known[table["kind"]]
+        default, kind = default if known[name] is kind else None, known[name]
         table = {key: value for key, value in table.items() if key != "kind"}
     return _build_fields(kind, table, source, path, default)
 
@@ -203,7 +207,7 @@ def _number(value: Any, unit: str | None, source: Source, path: Path) -> float:
     words, powers = UNITS[unit] if unit else ("", {})
     try:
         if isinstance(value, str):
-            match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµ°%/^0-9]*)\s*", value)
+            match = re.fullmatch(rf"\s*({_NUMBER})\s*([A-Za-zµ°%/^0-9]*)\s*", value)
             if match and unit and match[2] in powers:
                 power = powers[match[2]]
                 return radians(float(match[1])) if power is None else float(Decimal(match[1]).scaleb(power))

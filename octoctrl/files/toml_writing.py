@@ -8,6 +8,7 @@ from enum import Enum
 from math import inf
 from typing import Any
 
+from octoctrl.planners.asking.shares import Share
 from octoctrl.planners.asking.task import Drive
 from octoctrl.planners.contracts import Goal
 from octoctrl.sim.body.muscles import MuscleLaw
@@ -100,6 +101,8 @@ def _value(value: Any) -> str:
         return ("inf" if value > 0 else "-inf") if value in (inf, -inf) else repr(float(value))
     if isinstance(value, Enum):
         return _value(value.value)
+    if isinstance(value, Share):
+        return _value(f"{value.percent!r} %")
     if is_dataclass(value):
         return _value({"kind": type(value).__name__} | _changed(value))
     if isinstance(value, Mapping):

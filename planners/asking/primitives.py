@@ -13,6 +13,7 @@ from octoctrl.sim.errors import check_choice
 
 from ..contracts import Expression
 from .registry import register_primitive
+from .shares import Length, unresolved
 
 
 def neighbours(side: str) -> tuple[str, ...]:
@@ -35,10 +36,11 @@ class _Ramped:
     rise: float = 0.5
     offset: float = inf
     fall: float = 0.5
-    window: tuple[float, float] = (0.0, inf)
+    window: tuple[Length, Length] = (0.0, inf)
 
     def __post_init__(self) -> None:
-        self.templates()
+        if not unresolved(self):
+            self.templates()
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -126,10 +128,11 @@ class BendWave:
     onset: float = 0.0
     offset: float = inf
     end_level: float = 0.0
-    window: tuple[float, float] = (0.0, inf)
+    window: tuple[Length, Length] = (0.0, inf)
 
     def __post_init__(self) -> None:
-        self.templates()
+        if not unresolved(self):
+            self.templates()
 
     def templates(self) -> tuple[Template, ...]:
         """One wave on the three muscles of the side."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, check_number, suggest
 from octoctrl.sim.topology.trace import TopologyConvention
 
@@ -19,6 +20,7 @@ from ..contracts import Floats, Goal, Primitive, When
 from .goals.measured import MeasuredGoal
 from .registry import primitive_kinds
 from .schedule import check_primitive
+from .shares import resolved
 
 BASE_TANGENT = (0.0, 1.0, 0.0)
 """Direction in which the arm leaves its base."""
@@ -197,6 +199,35 @@ class Task:
         check_number("nominal_weight", self.nominal_weight, above=0.0)
         for name in ("time_weight", "effort_weight", "smoothness_weight"):
             check_number(name, getattr(self, name), at_least=0.0)
+
+    def on(self, arm: Arm) -> "Task":
+        """The task for an arm: shares of the arm become lengths, and every window must begin on it.
+
+        Parameters
+        ----------
+        arm : Arm
+
+        Returns
+        -------
+        Task
+
+        Raises
+        ------
+        OctoctrlError
+            If a window lies beyond the arm.
+        """
+        task = resolved(self, arm.length)
+        windows = [(f"drive '{drive.name}'", template.window) for drive in task.drives for template in drive.primitive.templates()]
+        windows += [
+            (f"phase '{phase.name}', {goal}", goal.window) for phase in task.phases for goal in phase.goals if hasattr(goal, "window")
+        ]
+        for owner, window in windows:
+            if window[0] >= arm.length:
+                raise OctoctrlError(
+                    f"{owner}: the window begins at {window[0]:g} m, beyond the arm of {arm.length:g} m; give arclengths on the arm, "
+                    "or shares of it such as '40 %'"
+                )
+        return task
 
 
 def miss_in_phase(goal: Goal, time: Floats, misses: Floats, begin: float, end: float) -> float:

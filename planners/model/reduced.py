@@ -6,6 +6,7 @@ fully implicit (`stepping_kernels`); kinematics, fibres, drag and the same step 
 """
 
 from dataclasses import dataclass, field
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,7 +90,7 @@ class ReducedModel:
         check_number("step", self.step, above=0.0, at_most=0.5, unit="s")
         if self.scene.water is None or self.scene.water.factor == 0.0:
             raise OctoctrlError("the reduced model has no inertia and moves against drag; give the scene water with a factor above 0")
-        if not isinstance(self.sections, int) or not 2 <= self.sections <= 40:
+        if not isinstance(self.sections, Integral) or not 2 <= self.sections <= 40:
             raise OctoctrlError(f"sections={self.sections!r}: a whole number from 2 to 40 is needed (8 advised)")
 
     @property

@@ -58,6 +58,7 @@ class PhaseProblem:
     """
 
     def __init__(self, task, model):
+        task = task.on(model.arm)
         self.task, self.model = task, model
         self.steps = [max(FEWEST_STEPS, round(phase.duration / MODEL_STEP)) for phase in task.phases]
         self.ends = np.cumsum(self.steps)
@@ -347,6 +348,7 @@ def plan(task, identified, *, time_limit=30.0, max_iterations=60, guess=None, st
     check_number("max_iterations", max_iterations, at_least=1)
     begin = perf_counter()
     model = identified.model
+    task = task.on(model.arm)
     reason = unreachable(task, identified.reach)
     if reason:
         return replace(_nothing(task, model, reason, perf_counter() - begin), plant=identified.plant)

@@ -14,10 +14,11 @@ material direction (sin, cos, 0). R-OM is the geometrically right-handed family 
 import hashlib
 from dataclasses import asdict, dataclass, field, fields
 from math import atan2, cos, degrees, pi, sin, sqrt, tau
+from numbers import Real
 
 import numpy as np
 
-from ..errors import OctoctrlError, check_number
+from ..errors import OctoctrlError, check_count, check_number
 from .layout import OCTOPUS_MUSCLES, MuscleLayout
 from .muscles import LONGITUDINAL, TRANSVERSE, MuscleLaw
 
@@ -130,11 +131,11 @@ class Arm:
                 f"radius {self.base_radius:g} m for a {self.length:.2f} m arm: rod theory wants radius/length < 0.25, found {ratio:.2f}"
             )
         check_number("taper", self.taper, at_least=1.0, at_most=50.0)
-        if not isinstance(self.elements, int) or self.elements < 8:
+        object.__setattr__(self, "elements", check_count("elements", self.elements, at_least=0, at_most=2000))
+        if self.elements < 8:
             raise OctoctrlError(
                 f"elements={self.elements}: at least 8 are needed to carry a curvature packet (10 per packet width advised)"
             )
-        check_number("elements", self.elements, at_most=2000)
         check_number("grading", self.grading, at_least=0.0, at_most=1.0)
         self._check_layers()
 
@@ -176,7 +177,7 @@ class Arm:
         content = {key: value for key, value in asdict(self).items() if key not in ("name", "elements", "grading")}
         if self.layout != OCTOPUS_MUSCLES:
             content["layout"] = self.layout
-        return hashlib.sha256(repr(sorted(content.items())).encode()).hexdigest()[:4]
+        return hashlib.sha256(repr(sorted(_plain(content).items())).encode()).hexdigest()[:4]
 
     @property
     def edges(self):
@@ -339,5 +340,14 @@ def material_direction(angle):
     return np.array([sin(angle), cos(angle), 0.0])
 
 
+def _plain(value):
+    """The same with every number as a float, whether it came as a whole number or from NumPy."""
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, tuple):
+        return tuple(map(_plain, value))
+    return float(value) if isinstance(value, Real) and not isinstance(value, bool) else value
+
+
 def _is_number(value):
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, Real) and not isinstance(value, bool)

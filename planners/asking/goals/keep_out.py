@@ -22,7 +22,7 @@ def _check_vector(name: str, vector: Vector, unit: str = "m") -> None:
 
 @register_part
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sphere:
+class SphereZone:
     """A ball.
 
     Attributes
@@ -45,7 +45,7 @@ class Sphere:
 
 @register_part
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Capsule:
+class CapsuleZone:
     """A rod with round ends.
 
     Attributes
@@ -64,7 +64,7 @@ class Capsule:
         _check_vector("stop", self.stop)
         check_number("radius", self.radius, above=0.0, unit="m")
         if dist(self.start, self.stop) == 0.0:
-            raise OctoctrlError(f"capsule: start and stop are both {self.start}; give two points, or a Sphere")
+            raise OctoctrlError(f"capsule: start and stop are both {self.start}; give two points, or a SphereZone")
 
     def distance(self, math: Any, points: Points) -> Expression:
         """Distance of points from the surface, negative inside; with the module `math`."""
@@ -77,7 +77,7 @@ class Capsule:
 
 @register_part
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HalfSpace:
+class HalfSpaceZone:
     """All that lies behind a plane.
 
     Attributes
@@ -114,7 +114,7 @@ class KeepOutGoal(MeasuredGoal):
 
     Attributes
     ----------
-    shape : Sphere, Capsule or HalfSpace
+    shape : SphereZone, CapsuleZone or HalfSpaceZone
     margin : float, m
     tolerance : float, m
         By how much the margin may be entered; less than the margin, or the arm may touch.
@@ -122,7 +122,7 @@ class KeepOutGoal(MeasuredGoal):
 
     quantity: ClassVar[str] = "keep_out"
     unit: ClassVar[str] = "m"
-    shape: Sphere | Capsule | HalfSpace
+    shape: SphereZone | CapsuleZone | HalfSpaceZone
     margin: float = 0.006
     tolerance: float = 0.003
     when: When = When.THROUGHOUT

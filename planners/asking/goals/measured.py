@@ -14,6 +14,7 @@ from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ...contracts import Expression, Floats, Outputs, Reach, When
+from ..shares import Length, Share, unresolved
 from .recorded import RecordedOutputs
 
 
@@ -87,10 +88,10 @@ class ScalarGoal(MeasuredGoal):
         To stay between.
     """
 
-    value: float | None = None
-    at_least: float | None = None
-    at_most: float | None = None
-    between: tuple[float, float] | None = None
+    value: Length | None = None
+    at_least: Length | None = None
+    at_most: Length | None = None
+    between: tuple[Length, Length] | None = None
 
     def __post_init__(self) -> None:
         MeasuredGoal.__post_init__(self)
@@ -98,6 +99,10 @@ class ScalarGoal(MeasuredGoal):
         if len(given) != 1:
             found = f"{' and '.join(given)} are given" if given else "none is given"
             raise OctoctrlError(f"goal {self.quantity}: {found}; one of value, at_least, at_most, between is needed")
+        if unresolved(self):
+            if self.unit != "m":
+                raise OctoctrlError(f"goal {self}: only lengths can be shares of the arm")
+            return
         for number in self.between if self.between is not None else given.values():
             check_number(f"goal {self.quantity}", number)
         if self.band[0] > self.band[1]:
@@ -114,10 +119,10 @@ class ScalarGoal(MeasuredGoal):
     def band(self) -> tuple[float, float]:
         """Least and greatest value without a miss."""
         if self.value is not None:
-            return self.value, self.value
+            return float(self.value), float(self.value)
         if self.between is not None:
-            return self.between
-        return (-inf if self.at_least is None else self.at_least), (inf if self.at_most is None else self.at_most)
+            return float(self.between[0]), float(self.between[1])
+        return (-inf if self.at_least is None else float(self.at_least)), (inf if self.at_most is None else float(self.at_most))
 
     @property
     def target(self) -> str:
@@ -137,7 +142,7 @@ class ScalarGoal(MeasuredGoal):
 
     def excludes(self, other: MeasuredGoal) -> bool:
         """Whether both ask for the same number and the bands lie apart, by more than the tolerances."""
-        if type(other) is not type(self) or not isinstance(other, ScalarGoal):
+        if type(other) is not type(self) or not isinstance(other, ScalarGoal) or unresolved((self, other)):
             return False
         # Equal but for the target: the same window, the same side.
         if replace(other, **{item.name: getattr(self, item.name) for item in fields(self) if item.name in _TARGETS}) != self:
@@ -156,21 +161,22 @@ class WindowedGoal(ScalarGoal):
         Rest arclengths between which it is read.
     """
 
-    window: tuple[float, float] = (0.0, inf)
+    window: tuple[Length, Length] = (0.0, inf)
 
     def __post_init__(self) -> None:
-        ScalarGoal.__post_init__(self)
-        check_window(f"goal {self.quantity}", self.window)
+        ScalarGoal.__post_init__(replace(self, window=(0.0, inf)) if unresolved(self.window) else self)
+        if not unresolved(self.window):
+            check_window(f"goal {self.quantity}", self.window)
 
     def _where(self) -> str:
-        low, high = (_number(1e3 * edge) for edge in self.window)
-        words = "" if self.window == (0.0, inf) else f" from {low} mm to " + ("the tip" if self.window[1] == inf else f"{high} mm")
+        low, high = (str(edge) if isinstance(edge, Share) else f"{1e3 * edge:g} mm" for edge in self.window)
+        words = "" if self.window == (0.0, inf) else f" from {low} to " + ("the tip" if self.window[1] == inf else high)
         return words + ScalarGoal._where(self)
 
     def weights(self, outputs: Outputs) -> Floats:
         """What lies of each gap between the stations inside the window, (n + 1,), m."""
         lower, upper = outputs.stations[:-1], outputs.stations[1:]
-        return np.maximum(np.minimum(upper, self.window[1]) - np.maximum(lower, self.window[0]), 0.0)
+        return np.maximum(np.minimum(upper, float(self.window[1])) - np.maximum(lower, float(self.window[0])), 0.0)
 
 
 def bending(outputs: Outputs) -> Expression:
@@ -185,5 +191,5 @@ STRAIGHT = 0.1
 _TARGETS = ("value", "at_least", "at_most", "between", "tolerance", "when", "hold")
 
 
-def _number(value: float) -> str:
-    return f"{value:g}"
+def _number(value: Length) -> str:
+    return str(value) if isinstance(value, Share) else f"{value:g}"
