@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from octoctrl.sim.plants import Plant, make_plant
     from octoctrl.sim.running.batch import simulate_batch
     from octoctrl.sim.running.sensors import Sensors
+    from octoctrl.sim.scene.loads import PointLoad, SpreadLoad
     from octoctrl.sim.scene.scene import Scene, Water
     from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
 
@@ -69,6 +70,7 @@ _HOMES = {
     "octoctrl.sim.running.batch": ("simulate_batch",),
     "octoctrl.sim.running.sensors": ("Sensors",),
     "octoctrl.sim.errors": ("OctoctrlError", "PlantUnstableError"),
+    "octoctrl.sim.scene.loads": ("PointLoad", "SpreadLoad"),
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
     "octoctrl.sim.topology.trace": ("TopologyConvention", "TopologyTrace"),
     "octoctrl.judging.comparison": ("compare",),
@@ -99,11 +101,13 @@ __all__ = [
     "Plant",
     "PlantUnstableError",
     "Plateau",
+    "PointLoad",
     "ScalarGoal",
     "Scene",
     "Schedule",
     "Sensors",
     "Shorten",
+    "SpreadLoad",
     "Task",
     "TopologyConvention",
     "TopologyTrace",

@@ -94,6 +94,11 @@ class Core(Protocol):
         ...
 
     @property
+    def loadable(self) -> bool:
+        """Whether loads of the scene act on it."""
+        ...
+
+    @property
     def period(self) -> float:
         """Usual time between corrections by feedback, s."""
         ...
@@ -118,11 +123,20 @@ class Core(Protocol):
         """What is kept of the present instant beside the shape, by name; empty where there is nothing more."""
         ...
 
-    def move(self, first: int, levels: State, clock: "Clock") -> Motion:
-        """Go on from sample `first` to the end of `levels` (T + 1, groups, cells), by partition; may end early with a finding."""
+    def move(self, first: int, inputs: State, clock: "Clock") -> Motion:
+        """Go on from sample `first` over T more; may end early with a finding.
+
+        Parameters
+        ----------
+        first : int
+        inputs : mapping of str to (T + 1, ...) float64
+            Linear in between: levels (T + 1, groups, cells) by partition, and ``"loads"`` of `octoctrl.sim.scene.loads.sampled_loads` if
+            there are any.
+        clock : Clock
+        """
         ...
 
-    def explain(self, before: State, first: int, levels: State, motion: Motion, clock: "Clock") -> Stop:
+    def explain(self, before: State, first: int, inputs: State, motion: Motion, clock: "Clock") -> Stop:
         """Why `motion` ended early, which began at sample `first` in the state `before`; the state afterwards does not matter."""
         ...
 

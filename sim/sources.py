@@ -100,16 +100,23 @@ class Held:
                     f"n = {cells} cells of the arm"
                 )
         _check_range(levels, who)
-        return cls(held=levels, edges=edges, layout=layout)
+        made = object.__new__(cls)  # checked already
+        for name, value in (("held", levels[:, 0] if levels.shape == (count, 1) else levels), ("edges", edges), ("layout", layout)):
+            object.__setattr__(made, name, value)
+        return made
 
     def levels(self, times: Floats, edges: Floats) -> Floats:
         """Levels (T, groups, m) at `times`, s, in the m cells between `edges`, m."""
-        held = self.held
-        if held.ndim == 1:
-            held = np.broadcast_to(held[:, None], (len(held), len(edges) - 1))
-        elif self.edges is not None and not np.array_equal(self.edges, edges):
+        return self.over(len(times), edges)
+
+    def over(self, instants: int, edges: Floats) -> Floats:
+        """Levels (instants, groups, m) in the m cells between `edges`, m."""
+        held, cells = self.held, len(edges) - 1
+        if held.ndim == 2 and self.edges is not None and self.edges is not edges and not np.array_equal(self.edges, edges):
             held = np.clip(held @ _overlap(self.edges, np.asarray(edges, dtype=float)), 0.0, 1.0)
-        return np.repeat(held[None], len(times), axis=0)
+        found = np.empty((instants, len(held), cells))
+        found[:] = held if held.ndim == 2 else held[:, None]
+        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -130,7 +130,7 @@ def test_passive_energy_is_the_work_of_stretching():
         plant.reset()
         plant.core.rows[Row.X2, 1 : plant.elements + 2] = plant.edges * stretch
         energies.append(laboratory_checks.passive_energy(plant))
-        plant.core._move(np.zeros((2, len(MUSCLE_GROUPS), plant.elements)), 1)
+        plant.core._move(np.zeros((2, len(MUSCLE_GROUPS), plant.elements)), None, 1)
         forces.append(plant.core.rows[Row.TENSION, 1 : plant.elements + 1] @ np.diff(plant.edges))
     work = np.sum((np.array(forces[1:]) + forces[:-1]) / 2 * np.diff(stretches))
     assert energies[-1] == pytest.approx(work, rel=2e-3)

@@ -84,6 +84,7 @@ class AssemblyCore:
         If an argument is out of range or the arm's fibres do not fit the grid.
     """
 
+    loadable = False
     finer = ()
     period = 0.025
     """The full arm, which its reduced model describes less well than that of one rod, is corrected more often."""
@@ -195,13 +196,13 @@ class AssemblyCore:
         total += tetrahedra(right[low], axis_high, left[high], right[high])
         return abs(float(total))
 
-    def move(self, first: int, levels: State, clock: Clock) -> Motion:
-        """Take the steps of the samples between the instants of `levels`."""
-        return self._move(first, levels, clock, watch=False)
+    def move(self, first: int, inputs: State, clock: Clock) -> Motion:
+        """Take the steps of the samples between the instants of `inputs`."""
+        return self._move(first, inputs, clock, watch=False)
 
-    def _move(self, first: int, levels: State, clock: Clock, *, watch: bool) -> Motion:
+    def _move(self, first: int, inputs: State, clock: Clock, *, watch: bool) -> Motion:
         """Move on, with the guard after every sample or, if asked to `watch`, after every step."""
-        along, n, rods = levels["arm"], self.elements, self.rods
+        along, n, rods = inputs["arm"], self.elements, self.rods
         samples = len(along) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         longitudinal = np.empty((samples + 1, self.grid.straight_rods, n))
@@ -213,7 +214,7 @@ class AssemblyCore:
         transverse = self._toned(along[:, layout.index(layout.transverse.name)], tone[:, None])
         oblique = np.zeros((samples + 1, 2, self.grid.helix_elements))
         for group in layout.oblique:
-            oblique[:, 0 if group.hand > 0 else 1] = levels["oblique"][:, layout.index(group.name)]
+            oblique[:, 0 if group.hand > 0 else 1] = inputs["oblique"][:, layout.index(group.name)]
         with BUILDING:
             step, _ = compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits)
         if self.paper_compatible:
@@ -225,10 +226,10 @@ class AssemblyCore:
         rod, element = self.place(family, int(where)) if finding else ("", 0)
         return Motion(points[:done], frames[:done], stretch[:done], finding=Finding(finding), rod=rod, element=element)
 
-    def explain(self, before: State, first: int, levels: State, motion: Motion, clock: Clock) -> Stop:
+    def explain(self, before: State, first: int, inputs: State, motion: Motion, clock: Clock) -> Stop:
         """Go again and look after every step where it began: within a sample the damage spreads over the whole arm."""
         self.restore(before)
-        closer = self._move(first, levels, clock, watch=True)
+        closer = self._move(first, inputs, clock, watch=True)
         straight, _, rings = self.nodes()
         time = (first + len(closer.points) + 1) * clock.sample
         text = cause(straight, rings, self._ring_radius, self.geometry.straight.radius[0])

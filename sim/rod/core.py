@@ -26,15 +26,17 @@ from .step_limits import predict_limit
 LARGEST_STEP = 1e-3
 """What ``dt="auto"`` takes at most, s: coarse arms would be stable beyond, but miss the onset of their muscles."""
 
+NO_LOADS = np.zeros((1, 5, 3, 1))
+
 _LIMITS: dict[tuple[Arm, Water | None], StepLimit] = {}
 """Step limits at rest by arm and water: many plants of a study are alike."""
 
 
 @cache
-def _muscular_advance(stride: int, layout: MuscleLayout) -> Callable[..., Any]:
+def _muscular_advance(stride: int, layout: MuscleLayout, loaded: bool) -> Callable[..., Any]:
     from .stepping import muscular_stepper
 
-    return muscular_stepper(stride, layout)
+    return muscular_stepper(stride, layout, loaded)
 
 
 class RodCore:
@@ -58,6 +60,7 @@ class RodCore:
     """
 
     model = "rod"
+    loadable = True
     finer = (2, 4)
     """Driven tips now and then outrun the step at rest."""
     period = 0.05
@@ -73,6 +76,8 @@ class RodCore:
         self._lengths = np.diff(edges)
         self._section = arm.section((edges[1:] + edges[:-1]) / 2)
         self.buffer, _ = new_buffer(self.elements)
+        self._loaded = False
+        self._steppers: dict[bool, Callable[..., Any]] = {}
         self.node_mass = node_masses(sum(self._section.masses) * self._lengths)
         self._fill_parameters()
         self.rest()
@@ -119,7 +124,7 @@ class RodCore:
         levels = np.zeros((len(self.arm.layout), n)) if levels is None else np.asarray(levels, dtype=float)
         both, before = np.stack([levels, levels]), getattr(self, "_h", None)
         scratch = np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))
-        found = predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, both, *scratch))
+        found = predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, both, *scratch, None))
         if before is not None:
             self._prepare(before)
         return found
@@ -194,23 +199,36 @@ class RodCore:
         n, rows = self.elements, self.rows
         return rows[Row.V1 : Row.V3 + 1, 1 : n + 2].T.copy(), rows[Row.W1 : Row.W3 + 1, 1 : n + 1].T.copy()
 
-    def move(self, first: int, levels: State, clock: Clock) -> Motion:
-        """Take the steps of the samples between the instants of `levels`; `first` makes no difference."""
-        return self._move(levels["arm"], clock.steps)
+    def move(self, first: int, inputs: State, clock: Clock) -> Motion:
+        """Take the steps of the samples between the instants of `inputs`; `first` makes no difference."""
+        return self._move(inputs["arm"], inputs.get("loads"), clock.steps)
 
-    def _move(self, levels: Floats, steps: int) -> Motion:
+    def _move(self, levels: Floats, loads: Floats | None, steps: int) -> Motion:
         n, samples = self.elements, len(levels) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        done, finding, element = self._step(self._h, steps, levels, points, frames, stretch)
+        done, finding, element = self._step(self._h, steps, levels, points, frames, stretch, loads)
         return Motion(points[:done], frames[:done], stretch[:done], finding=Finding(finding), element=int(element) - 1)
 
-    def _step(self, h: float, steps: int, levels: Floats, points: Floats, frames: Floats, stretch: Floats) -> tuple[int, int, int]:
+    def _step(
+        self, h: float, steps: int, levels: Floats, points: Floats, frames: Floats, stretch: Floats, loads: Floats | None
+    ) -> tuple[int, int, int]:
         """The compiled loop: `steps` of h in each sample -> samples done, finding, element."""
-        with BUILDING:
-            step = _muscular_advance(stride_for(self.elements), self.arm.layout)
+        loaded = loads is not None
+        step = self._steppers.get(loaded)
+        if step is None:
+            with BUILDING:
+                step = self._steppers[loaded] = _muscular_advance(stride_for(self.elements), self.arm.layout, loaded)
+        if self._loaded and not loaded:
+            self.rows[Row.FORCE1 : Row.COUPLE3 + 1] = 0.0
+        self._loaded = loaded
         count, active = np.uint64(self.elements), self._active(levels)
-        found: tuple[int, int, int] = step(self.buffer, count, h, steps, levels, active, self._scalars, points, frames, stretch)
+        given = NO_LOADS if loads is None else loads
+        found: tuple[int, int, int] = step(self.buffer, count, h, steps, levels, active, self._scalars, given, points, frames, stretch)
         return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Compiled code is found again; it is no part of a copy.
+        return self.__dict__ | {"_steppers": {}}
 
     @staticmethod
     def _active(levels: Floats) -> NDArray[np.bool_]:
@@ -218,14 +236,15 @@ class RodCore:
         pulls = levels @ np.ones(levels.shape[2]) > 0
         return pulls[1:] | pulls[:-1]
 
-    def explain(self, before: State, first: int, levels: State, motion: Motion, clock: Clock) -> Stop:
+    def explain(self, before: State, first: int, inputs: State, motion: Motion, clock: Clock) -> Stop:
         """Go the last samples again, step by step: where and when it began, and whether the motion alternated."""
-        along, done = levels["arm"], len(motion.points)
+        levels, loads, done = inputs["arm"], inputs.get("loads"), len(motion.points)
         skip = max(0, done - ceil(TRAIL / clock.steps))
+        last = slice(skip, done + 2)
         self.restore(before)
         if skip:
-            self._move(along[: skip + 1], clock.steps)
-        closer = self._move(substeps(along[skip : done + 2], clock.steps), 1)
+            self._move(levels[: skip + 1], None if loads is None else loads[: skip + 1], clock.steps)
+        closer = self._move(substeps(levels[last], clock.steps), None if loads is None else substeps(loads[last], clock.steps), 1)
         where = closer if closer.finding else motion
         share = alternation(closer.frames[:, max(0, where.element - 1) : where.element + 2])
         time = (first + skip) * clock.sample + (len(closer.frames) + 1) * clock.step

@@ -15,6 +15,7 @@ from ..physics.fibre_kernels import LawConstants
 from .elastic_kernels import frame_kernel, rod_kernels
 from .guard_kernels import FINE, guard_kernel, record_kernel
 from .layout import offsets
+from .load_kernels import load_kernel
 from .section_kernels import fibre_kernels, section_kernels
 
 ONE = np.uint64(1)
@@ -32,7 +33,7 @@ class MuscleScalars(NamedTuple):
     wet: bool
 
 
-def muscular_stepper(stride, layout):
+def muscular_stepper(stride, layout, loaded=False):
     """Compile the loop of a rod with muscle fibres.
 
     Parameters
@@ -40,19 +41,22 @@ def muscular_stepper(stride, layout):
     stride : int
         Of the buffer.
     layout : MuscleLayout
+    loaded : bool
+        Whether loads act from outside.
 
     Returns
     -------
     advance : compiled function
-        ``advance(buffer, n, h, steps, levels, active, scalars, points, directors, stretch)`` takes `steps` steps of `h` for each of the
-        samples, whose count is the length of `points`, and fills the three arrays. Returns ``(samples done, finding, element)``;
-        `levels` (samples + 1, groups, n), linear in time between samples, and `active` (samples, groups) bool, which groups differ from
-        zero in each (others are left out, which changes no bit).
+        ``advance(buffer, n, h, steps, levels, active, scalars, loads, points, directors, stretch)`` takes `steps` steps of `h` for each
+        of the samples, whose count is the length of `points`, and fills the three arrays. Returns ``(samples done, finding, element)``;
+        `levels` (samples + 1, groups, n), linear in time between samples, `active` (samples, groups) bool, which groups differ from zero
+        in each (others are left out, which changes no bit), and `loads` as in `octoctrl.sim.scene.loads.sampled_loads`.
     """
     drift, strain, curvature, curvature_rate, moment, transport, kick, water = rod_kernels(stride)
     measure, straight, wound, apply, remember, brake, relax = section_kernels(stride, layout)
     longitudinal, oblique, transverse = fibre_kernels(stride)
     guard, straighten, record = guard_kernel(stride), frame_kernel(stride), record_kernel(stride)
+    load = load_kernel(stride)
     LEVEL = offsets(stride)["LEVEL"]
     families, places = layout.families, layout.places
     groups, along, across = len(layout), int(Family.LONGITUDINAL), int(Family.TRANSVERSE)
@@ -63,13 +67,16 @@ def muscular_stepper(stride, layout):
             b[LEVEL + k] = (1 - share) * before[k - ONE] + share * after[k - ONE]
 
     @kernel
-    def advance(b, n, h, steps, levels, active, scalars, points, directors, stretch):
+    def advance(b, n, h, steps, levels, active, scalars, loads, points, directors, stretch):
         nu, elastic = scalars.hoop_ratio, scalars.elastic
         for sample in range(points.shape[0]):
             drift(b, n, 0.5 * h)
             before, after = levels[sample], levels[sample + 1]
+            changing = True
             for step in range(steps):
                 share = (step + 0.5) / steps
+                if loaded and (step == 0 or changing):
+                    changing = load(b, n, loads[sample], loads[sample + 1], share)
                 strain(b, n)
                 curvature(b, n)
                 curvature_rate(b, n)

@@ -1,13 +1,14 @@
 """What can be seen of an arm at one instant: place and motion of its axis and of its frames."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from ..body.arm import REST_FRAME
 from ..contracts import Floats
 from ..records import Record
-from ..rotations import rotation_matrix, rotation_vector
+from ..topology.trace import unit_pole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -52,10 +53,12 @@ class Observation(Record):
 
         Curvatures are the rotation from the station before to the station behind an element's centre, over the rest length between.
         """
-        length = np.diff(self.stations)
-        turns = rotation_vector(self.frames[1:] @ np.swapaxes(self.frames[:-1], 1, 2))
+        from ..topology.topology_kernels import frame_rotations  # loads numba
+
+        turns = np.empty((1, len(self.frames) - 1, 3))
+        frame_rotations(self.frames[None], turns)
         found = np.empty((len(self.stretch), 4))
-        found[:, :3] = (turns[1:] + turns[:-1]) / (length[1:] + length[:-1])[:, None]
+        found[:, :3] = (turns[0, 1:] + turns[0, :-1]) / (self.stations[2:] - self.stations[:-2])[:, None]
         found[:, 3] = self.stretch
         return found
 
@@ -71,17 +74,23 @@ class Observation(Record):
         -------
         (float, float, float)
         """
-        from ..topology.measures import present  # loads numba
+        from ..topology.topology_kernels import present  # loads numba
 
-        twist, writhe = present(self.points, self.frames, pole)
+        twist, writhe = present(self.points, self.frames, _direction(tuple(pole)))
         return twist + writhe, writhe, twist
+
+
+@lru_cache
+def _direction(pole: tuple[float, ...]) -> Floats:
+    return np.array(unit_pole(pole))
 
 
 def with_ends(frames: Floats, edges: Floats) -> Floats:
     """Frames (..., n, 3, 3) of elements with those of base and tip, the latter turned on by half an element of the last curvature."""
-    length = np.diff(edges[-3:])
-    share = length[-1] / (length[-1] + length[-2])
-    last = frames[..., -1, :, :] @ np.swapaxes(frames[..., -2, :, :], -1, -2)
-    tip = rotation_matrix(share * rotation_vector(last)) @ frames[..., -1, :, :]
-    base = np.broadcast_to(REST_FRAME, (*frames.shape[:-3], 1, 3, 3))
-    return np.concatenate([base, frames, tip[..., None, :, :]], axis=-3)
+    from .observation_kernels import turn_on  # loads numba
+
+    far, near = edges[-1] - edges[-2], edges[-2] - edges[-3]
+    whole = np.empty((*frames.shape[:-3], frames.shape[-3] + 2, 3, 3))
+    whole[..., 0, :, :], whole[..., 1:-1, :, :] = REST_FRAME, frames
+    turn_on(whole.reshape(-1, *whole.shape[-3:]), far / (far + near))
+    return whole

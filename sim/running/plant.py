@@ -1,6 +1,6 @@
 """A plant: a core that moves by the step of a clock. What all plants share is here: levels, recording, second tries, copies, files."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from ..body.arm import Arm
 from ..body.layout import MuscleLayout
 from ..contracts import ActivationSource, Core, Floats, Motion, State
 from ..errors import OctoctrlError, PlantUnstableError, check_number
+from ..scene.loads import Load, checked_loads, sampled_loads
 from ..scene.scene import Scene
 from ..sources import Held, sampled
 from .clock import Clock, StepLimit
@@ -170,7 +171,9 @@ class Plant:
 
     def observe(self) -> Observation:
         """What can be seen now, as an `Observation`."""
-        points, frames, stretch = self._core.shape()
+        return self._seen(*self._core.shape())
+
+    def _seen(self, points: Floats, frames: Floats, stretch: Floats) -> Observation:
         velocities, spins = self._core.speeds()
         return Observation(
             time=self.time,
@@ -183,7 +186,9 @@ class Plant:
             spins=spins,
         )
 
-    def step(self, levels: ActivationSource | ArrayLike | Mapping[str, float | ArrayLike], duration: float) -> Observation:
+    def step(
+        self, levels: ActivationSource | ArrayLike | Mapping[str, float | ArrayLike], duration: float, *, loads: Sequence[Load] = ()
+    ) -> Observation:
         """Move on by `duration` under levels that are held, without a recording.
 
         Parameters
@@ -193,6 +198,8 @@ class Plant:
             a source is sampled in the plant's own time.
         duration : float, s
             A multiple of `sample_interval`.
+        loads : sequence of Load
+            Forces and torques on the arm during this step, beside those of the scene; see `octoctrl.sim.scene.loads`.
 
         Returns
         -------
@@ -207,15 +214,13 @@ class Plant:
             As `advance` does.
         """
         named: Any = levels
-        source: ActivationSource = (
-            named if callable(getattr(levels, "levels", None)) else Held.of(named, self.edges, layout=self.arm.layout)
-        )
-        left = self._clock.samples(duration)
+        given: ActivationSource = named if callable(getattr(levels, "levels", None)) else Held.of(named, self.edges, layout=self.arm.layout)
+        left, more = self._clock.samples(duration), checked_loads(loads)
         while left:
             count = min(self._clock.chunk, left)
-            self._moved(self._sampled(source, count))
+            _, motion = self._moved(self._sampled(given, count), self._loads(count, more))
             left -= count
-        return self.observe()
+        return self._seen(motion.points[-1], motion.frames[-1], motion.stretch[-1])
 
     def advance(self, source: ActivationSource, duration: float, *, progress: Callable[[float], None] | None = None) -> Recording:
         """Move on by `duration` under an activation, recorded.
@@ -248,7 +253,7 @@ class Plant:
         try:
             _tell(progress, 0.0)
             while True:
-                pieces += self._moved(levels, keep=True)
+                pieces += self._moved(levels, self._loads(len(levels["arm"]) - 1), keep=True)[0]
                 last = levels["arm"][-1]
                 _tell(progress, (self._samples - first) * self._clock.sample)
                 left = samples - (self._samples - first)
@@ -308,12 +313,25 @@ class Plant:
         return {"model": self.model, "arm": self.arm.fingerprint, **self._core.identity(), "steps": self.steps}
 
     def _sampled(self, source: ActivationSource, count: int) -> dict[str, Floats]:
+        if type(source) is Held:  # which has been checked
+            return {name: source.over(count + 1, edges) for name, edges in self._core.partitions.items()}
         return sampled(source, self._clock.instants(self._samples, count), self._core.partitions, self.arm.layout)
 
-    def _moved(self, levels: dict[str, Floats], *, keep: bool = False) -> list[Recording]:
-        """Go to the end of `levels`; returns what is recorded on the way if asked to `keep` it."""
+    def _loads(self, count: int, more: tuple[Load, ...] = ()) -> dict[str, Floats]:
+        """Loads at the samples, beside the levels among the inputs of a core; nothing if there are none."""
+        loads = self.scene.loads + more
+        if not loads:
+            return {}
+        if not self._core.loadable:
+            raise OctoctrlError(f"the plant '{self.model}' carries no loads; leave them out, or take a plant that does, such as 'rod'")
+        found = sampled_loads(loads, self._clock.instants(self._samples, count), self.edges)
+        return {} if found is None else {"loads": found}
+
+    def _moved(self, levels: dict[str, Floats], loads: dict[str, Floats], *, keep: bool = False) -> tuple[list[Recording], Motion]:
+        """Go to the end of `levels`; returns what is recorded on the way, if asked to `keep` it, and the last motion."""
         core, clock, first, count = self._core, self._clock, self._samples, len(levels["arm"]) - 1
         acting = levels if self._factors is None else {name: self._factors * values for name, values in levels.items()}
+        acting = acting | loads
         good, pieces = core.state(), []
         while self._samples - first < count:
             done = self._samples - first
@@ -324,7 +342,7 @@ class Plant:
             moved = len(motion.points)
             if not motion.finding:
                 self._samples += moved
-                break
+                continue
             finer = self._finer(before, rest, moved) if self._automatic else None
             if finer is None:
                 stop = core.explain(before, self._samples, rest, motion, clock)
@@ -336,15 +354,16 @@ class Plant:
             self._samples += moved
             pieces.append(self._piece(finer, levels["arm"][done + moved : done + moved + 2]))
             self._samples += 1
-        return pieces if keep else []
+            motion = finer
+        return pieces, motion
 
-    def _finer(self, before: State, levels: dict[str, Floats], moved: int) -> Motion | None:
+    def _finer(self, before: State, inputs: dict[str, Floats], moved: int) -> Motion | None:
         """The sample that stopped after so many that `moved`, at parts of the step; None if it stops there too."""
         core, first = self._core, self._samples + moved
         core.restore(before)
         if moved:
-            core.move(self._samples, {name: values[: moved + 1] for name, values in levels.items()}, self._clock)
-        sample, good = {name: values[moved : moved + 2] for name, values in levels.items()}, core.state()
+            core.move(self._samples, {name: values[: moved + 1] for name, values in inputs.items()}, self._clock)
+        sample, good = {name: values[moved : moved + 2] for name, values in inputs.items()}, core.state()
         try:
             for parts in core.finer:
                 finer = self._clock.finer(parts)

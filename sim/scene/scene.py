@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from ..errors import check_number
+from .loads import Load, checked_loads
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +44,22 @@ class Scene:
     ----------
     water : Water or None
         None is a vacuum.
+    loads : tuple of Load
+        Forces and torques on the arm from outside, see `octoctrl.sim.scene.loads`.
+
+    Raises
+    ------
+    OctoctrlError
+        If something else than a load is among the loads.
     """
 
     water: Water | None = field(default=Water())
+    loads: tuple[Load, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "loads", checked_loads(self.loads))
 
     @classmethod
-    def free(cls, **water: float) -> "Scene":
-        """An arm alone in water; keywords change fields of `Water`."""
-        return cls(water=Water(**water))
+    def free(cls, *, loads: tuple[Load, ...] = (), **water: float) -> "Scene":
+        """An arm alone in water, with `loads` or none; further keywords change fields of `Water`."""
+        return cls(water=Water(**water), loads=loads)

@@ -332,6 +332,30 @@ def frame_series(frames: Floats, pole: Floats, twist: Floats, lifted: Floats, op
         opening[k] = 1.0 + base[0] * tip[0] + base[1] * tip[1] + base[2] * tip[2]
 
 
+@kernel(nogil=True)
+def present(points: Floats, frames: Floats, pole: Floats) -> tuple[float, float]:
+    """Return twist and lifted writhe of one instant with frames (n + 2, 3, 3) at base, element centres and tip of the points (n + 1, 3).
+
+    The frames of the elements are first turned to the edges, as `octoctrl.sim.rotations.ribbon_frames` does.
+    """
+    ribbon, steps = frames.copy(), frames.shape[0] - 1
+    for k in range(points.shape[0] - 1):
+        e1, e2, e3 = points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1], points[k + 1, 2] - points[k, 2]
+        size = math.sqrt(e1 * e1 + e2 * e2 + e3 * e3)
+        e1, e2, e3 = e1 / size, e2 / size, e3 / size
+        d = frames[k + 1]
+        a1, a2, a3 = d[2, 1] * e3 - d[2, 2] * e2, d[2, 2] * e1 - d[2, 0] * e3, d[2, 0] * e2 - d[2, 1] * e1
+        divisor = 1 + d[2, 0] * e1 + d[2, 1] * e2 + d[2, 2] * e3
+        for i in range(3):
+            f1, f2, f3 = a2 * d[i, 2] - a3 * d[i, 1], a3 * d[i, 0] - a1 * d[i, 2], a1 * d[i, 1] - a2 * d[i, 0]
+            ribbon[k + 1, i, 0] += f1 + (a2 * f3 - a3 * f2) / divisor
+            ribbon[k + 1, i, 1] += f2 + (a3 * f1 - a1 * f3) / divisor
+            ribbon[k + 1, i, 2] += f3 + (a1 * f2 - a2 * f1) / divisor
+    step_twist, step_lifted = np.empty(steps), np.empty(steps)
+    closure = frame_steps(ribbon, pole, step_twist, step_lifted)
+    return np.sum(step_twist), np.sum(step_lifted) + closure
+
+
 @kernel
 def unwrap_by_two(values: Floats, before: float, shift: float) -> float:
     """Remove jumps by multiples of 2 from a series in place, which continues from `before`, `shift` having been added so far.
