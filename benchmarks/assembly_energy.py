@@ -12,14 +12,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.assembly.constants import ring_connections, straight_connections
-from octoctrl.sim.assembly.core import TONE_RAMP, compiled
-from octoctrl.sim.assembly.family_kernels import ring_spin_brake
+from octoctrl.sim.assembly.constants import fibre_laws, ring_smoothing, straight_mass
+from octoctrl.sim.assembly.core import TONE_RAMP
+from octoctrl.sim.assembly.energies import connections_of
+from octoctrl.sim.assembly.family_kernels import cord_brake, ring_spin_brake
 from octoctrl.sim.assembly.layout import AssemblyRow as R
-from octoctrl.sim.assembly.layout import CrossingRow as C
 from octoctrl.sim.assembly.layout import SpokeRow as S
-from octoctrl.sim.assembly.stepping import CORD_SLIP_RATE, RING_SPIN_RATE
+from octoctrl.sim.assembly.stepping import mover
+from octoctrl.sim.assembly.terms import CORD_SLIP_RATE, RING_SPIN_RATE, Step, hydrostat_terms
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
+from octoctrl.sim.body.muscles import MuscleLaw
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.sources import sampled
 
@@ -29,7 +31,8 @@ PROGRAMMES = {
     "elongate": (Plateau(groups=("TM",), level=0.3),),
     "rest": (),
 }
-POTENTIAL = ("passive stretch", "shear", "bending and twist", "cord to muscle", "muscle to muscle", "ring to muscle", "ring to oblique")
+CONNECTIONS = ("sides", "ring connections", "contacts", "crossings", "pressure")
+POTENTIAL = ("passive stretch", "shear", "bending and twist", "selective mass", *CONNECTIONS)
 
 
 def vectors(view, row, **nodes):
@@ -54,9 +57,17 @@ class Family:
 
     view: object
     rods: object
-    law: object
+    laws: tuple
+    mass: np.ndarray
     closed: bool
     nodes: dict = field(default_factory=dict)
+
+    def of_law(self, function, *values):
+        """A function of a law and rows (rods, n), each rod by its own law: of several the first is the first rod's."""
+        if len(self.laws) == 1:
+            return function(self.laws[0], *values)
+        rods = [function(self.laws[min(rod, 1)], *(row[rod] for row in values)) for rod in range(len(values[0]))]
+        return np.stack(rods)
 
     def later(self, values):
         """Differences (rods, n, 3) along the elements of values at the nodes."""
@@ -77,15 +88,19 @@ class Ledger:
 
     def __init__(self, plant):
         self.plant, rods, arm, geometry = plant, plant.core.rods, plant.arm, plant.core.geometry
-        _, self.parts = compiled(plant.core.grid, geometry.inclination)
-        self.brake = ring_spin_brake(rods.grid)
+        step = Step(plant.h, plant.core._laws, plant.core._drag, rods.ring_index, rods.helix_index)
+        dry = step._replace(drag=(0.0, 0.0, 0.0, 0.0))
+        terms = hydrostat_terms(plant.core.grid, arm.anatomy.traits)
+        self.term = lambda name, share=0.5, wet=True: terms[name](rods.flat, share, step if wet else dry)
+        self.move, self.steady, self.hold = mover(plant.core.grid), ring_spin_brake(rods.grid), cord_brake(rods.grid)
+        muscle, oblique, ring, cord = fibre_laws(arm)
         self.families = (
-            Family(rods.straight, geometry.straight, arm.longitudinal, False, {"nodes": True}),
-            Family(rods.oblique, geometry.oblique, arm.oblique, False, {"nodes": True}),
-            Family(rods.ring, geometry.rings, arm.transverse, True),
+            Family(rods.straight, geometry.straight, (cord, muscle), straight_mass(arm, geometry, plant.h), False, {"nodes": True}),
+            Family(rods.oblique, geometry.oblique, (oblique,), geometry.oblique.node_mass, False, {"nodes": True}),
+            Family(rods.ring, geometry.rings, (ring,), geometry.rings.node_mass, True),
         )
+        self.smoothing = ring_smoothing(arm, geometry, plant.h)[:, None, None]
         self.work, self.hill_work, self.swelling_last, self.old_spin = {}, 0.0, None, {}
-        self.sides, self.ring = straight_connections(arm, geometry), ring_connections(arm, geometry)
         self.tables = {}
 
     def add(self, name, value):
@@ -96,27 +111,34 @@ class Ledger:
 
     def step(self, share):
         """Advance by one time step, `share` of the way between the samples' levels."""
-        plant, parts, rods, flat, h = self.plant, self.parts, self.plant.core.rods, self.plant.core.rods.flat, self.plant.h
-        parts["move"](flat, 0.5 * h)
-        parts["measure"](flat, share, h, plant.core._laws)
+        rods, flat, h = self.plant.core.rods, self.plant.core.rods.flat, self.plant.h
+        self.move(flat, 0.5 * h)
+        self.term("strains", share)
         self.book_swelling()
+        self.old_spin = {id(f): vectors(f.view, R.W1) for f in self.families}
         internal = [self.internal(family, share) for family in self.families]
         external = self.external()
         v0, w0 = self.motion()
-        parts["push"](flat)
+        for name in ("ring spin", "keep", "kick"):
+            self.term(name)
         w1 = self.motion()[1]
         before = self.spin_energy()
-        self.brake(flat, 1 - np.exp(-RING_SPIN_RATE * h))
+        self.steady(flat, 1 - np.exp(-RING_SPIN_RATE * h))
         self.add("ring spin brake", self.spin_energy() - before)
         slow = self.motion()[0]
-        parts["cord_brake"](flat, 1 - np.exp(-CORD_SLIP_RATE * h), np.uint64(2), np.uint64(rods.grid.rings + 2))
-        braked = [after - before for before, after in zip(slow, self.motion()[0], strict=True)]
-        parts["relax"](flat)
+        self.hold(flat, 1 - np.exp(-CORD_SLIP_RATE * h), np.uint64(2), np.uint64(rods.grid.rings + 2))
+        braked = self.motion()[0]
+        self.term("axial")
+        relaxed = self.motion()[0]
+        self.term("smooth")
+        smoothed = self.motion()[0]
+        self.term("project")
         v1 = self.motion()[0]
         mid_v, mid_w = [(a + b) / 2 for a, b in zip(v0, v1, strict=True)], [(a + b) / 2 for a, b in zip(w0, w1, strict=True)]
         force, torque = [np.zeros_like(v) for v in v0], [np.zeros_like(w) for w in w0]
         for number, family in enumerate(self.families):
-            self.add("cord brake", dot(family.rods.node_mass[..., None] * braked[number], mid_v[number]))
+            for label, first, then in (("cord brake", slow, braked), ("selective mass", relaxed, smoothed), ("pressure", smoothed, v1)):
+                self.add(label, dot(family.mass[..., None] * (then[number] - first[number]), mid_v[number]))
             self.book_internal(family, internal[number], mid_v[number], mid_w[number], force[number], torque[number])
         for name, f, t in external:
             self.add(name, h * sum(dot(a, b) for a, b in zip(f, mid_v, strict=True) if a is not None))
@@ -128,7 +150,7 @@ class Ledger:
                     torque[number] += t[number]
         for number, family in enumerate(self.families):
             self.book_damping(family, v0[number], mid_v[number], w0[number], mid_w[number], force[number], torque[number])
-        parts["move"](flat, 0.5 * h)
+        self.move(flat, 0.5 * h)
 
     def motion(self):
         """Velocities of nodes and spins of elements of the three families."""
@@ -146,7 +168,7 @@ class Ledger:
         self.swelling_last = None
 
     def internal(self, family, share):
-        """Copies of what `measure` left."""
+        """Copies of what the strains left."""
         view = family.view
         level = view(R.LEVEL_BEFORE) + share * (view(R.LEVEL_AFTER) - view(R.LEVEL_BEFORE))
         return {
@@ -154,24 +176,27 @@ class Ledger:
             "stretch": view(R.STRETCH).copy(),
             "rate": view(R.RATE).copy(),
             "force": vectors(view, R.N1),
+            "plus": vectors(view, R.MPLUS1),
+            "minus": vectors(view, R.MMINUS1),
             "level": level,
         }
 
     def book_internal(self, family, was, mid_v, mid_w, force, torque):
         """Book what muscles, passive tissue, shear and bending do; collect the loads."""
-        view, law, h = family.view, family.law, self.plant.h
+        view, h = family.view, self.plant.h
         e, tangent, area, rest = was["stretch"], was["tangent"], family.rods.area, family.rods.length
         apart = family.later(mid_v)
         elongation = np.sum(tangent * apart, axis=-1)
-        isometric = was["level"] * law.maximum_stress * law.active_factor(e)
-        viscosity = isometric * hill(law, was["rate"])
-        passive, active = area * law.passive_stress(e) / e, area * (isometric + viscosity * was["rate"]) / e
+        isometric = was["level"] * family.of_law(lambda law, e: law.maximum_stress * law.active_factor(e), e)
+        viscosity = isometric * family.of_law(hill, was["rate"])
+        passive, active = area * family.of_law(MuscleLaw.passive_stress, e) / e, area * (isometric + viscosity * was["rate"]) / e
         self.add("passive stretch", -h * dot(passive, elongation))
         correction = view(R.IMPULSE)
         of_muscle = area * viscosity / (e * rest) * view(R.YIELD)
         self.add("muscles", -h * dot(active + of_muscle * correction, elongation))
         self.add("implicit passive slope", -h * dot((1 - of_muscle) * correction, elongation))
-        at_middle = area * isometric * law.velocity_factor(-elongation / rest / law.maximum_rate) / e
+        slowed = family.of_law(lambda law, rate: law.velocity_factor(-rate / law.maximum_rate), elongation / rest)
+        at_middle = area * isometric * slowed / e
         self.hill_work -= h * dot(at_middle, elongation)
         sheared = was["force"] - (passive + active)[..., None] * tangent
         self.add("shear", -h * dot(sheared, apart))
@@ -182,7 +207,7 @@ class Ledger:
         turned = vectors(view, R.TORQUE1) - inertial
         self.add("shear", h * dot(turned, mid_w))
         self.add("swelling sections", h * dot(inertial, mid_w))
-        plus, minus = vectors(view, R.MPLUS1), vectors(view, R.MMINUS1)
+        plus, minus = was["plus"], was["minus"]
         bending = -minus
         if family.closed:
             bending += np.roll(plus, -1, axis=1)
@@ -201,7 +226,7 @@ class Ledger:
         """Book the linear drag, which the kernels integrate exactly."""
         view, h = family.view, self.plant.h
         decay, mobility = view(R.NODE_DECAY, **family.nodes), view(R.NODE_MOBILITY, **family.nodes)
-        mass = family.rods.node_mass
+        mass = family.mass
         lost = (mass * (decay - 1))[..., None] * v0 + (mobility * mass - h)[..., None] * force
         self.add("linear water", dot(lost, mid_v))
         j, e = family.inertia(), view(R.STRETCH)[..., None]
@@ -210,87 +235,61 @@ class Ledger:
         self.add("linear water", dot(j / e * (decay - 1) * w0 + (mobility * j - h) * torque, mid_w))
 
     def external(self):
-        """Forces and torques (three families each) by class of connection, from the parts of the spokes and the crossings."""
-        plant, parts, rods, flat = self.plant, self.parts, self.plant.core.rods, self.plant.core.rods.flat
-        self.old_spin = {id(f): vectors(f.view, R.W1) for f in self.families}
-        for row in S:
-            if S.F1 <= row < S.O1:
-                rods.spokes[row] = 0.0
-        parts["crossings"](flat, rods.ring_index, rods.helix_index)
-        on_rings = vectors(rods.ring, R.F1)
-        found = [("ring to oblique", (None, vectors(rods.oblique, R.F1, nodes=True), on_rings), (None, None, None))]
-        parts["gather"](flat)
-        done = self.spoke_loads()
-        for name, part in (("cord to muscle", "cord"), ("muscle to muscle", "neighbours"), ("ring to muscle", "ring_muscle")):
-            parts[part](flat)
-            now = self.spoke_loads()
-            f, t, ring_f, ring_t = (a - b for a, b in zip(now, done, strict=True))
-            if part == "ring_muscle":
-                found.append((name, (self.to_nodes(f), None, ring_f), (None, None, None)))
-                found.append(("orientation lock", (None, None, None), (self.material(0, t), None, self.material(2, ring_t))))
-            else:
-                found.append((name, (self.to_nodes(f), None, ring_f), (self.material(0, t), None, None)))
-            done = now
-        parts["ring_ring"](flat)
-        ring_f = self.spoke_loads()[2] - done[2]
-        found.append(("ring to ring", (None, None, ring_f), (None, None, None)))
-        ring_before = vectors(rods.ring, R.F1)
-        parts["beside"](flat)
-        f = self.spoke_loads()[0] - done[0]
-        found.append(("ring to muscle", (self.to_nodes(f), None, vectors(rods.ring, R.F1) - ring_before), (None, None, None)))
-        of_connections = self.to_nodes(self.spoke_loads()[0])
-        tension = vectors(rods.straight, R.N1)
-        parts["scatter"](flat, *plant.core._drag[:2])
-        load = vectors(rods.straight, R.N1) - tension
-        pressed = np.pad(load, ((0, 0), (0, 1), (0, 0))) - np.pad(load, ((0, 0), (1, 0), (0, 0)))
-        found.append(("pressure", (pressed, None, None), (None, None, None)))
-        water = vectors(rods.straight, R.F1, nodes=True) - of_connections
-        found.append(("quadratic water", (water, None, None), (None, None, None)))
+        """Forces and couples (three families each) by class of connection, from the terms one after the other, all left in the buffer."""
+        found = []
+        for row in (R.C1, R.C2, R.C3):
+            self.plant.core.rods.open_rods[row] = self.plant.core.rods.rings[row] = 0.0
+        self.term("crossings")
+        for row in (R.F1, R.F2, R.F3):
+            self.plant.core.rods.straight(row, nodes=True)[:] = 0.0
+        done = self.loads()
+        found.append(self.named("crossings", [np.zeros_like(done[0]), *done[1:3], np.zeros_like(done[3])]))
+        clean = self.plant.core.rods.flat.copy()
+        self.plant.core.rods.spokes[S.F1 :] = 0.0
+        names = ("sides", "ring connections", "contacts")
+        for wet in (False, True):
+            for count in range(1, len(names) + 1) if not wet else (len(names),):
+                # Sums are taken of what the rods had before.
+                self.plant.core.rods.flat[:] = clean
+                self.plant.core.rods.spokes[S.F1 :] = 0.0
+                for name in names[:count]:
+                    self.term(name)
+                self.term("sums", wet=wet)
+                now = self.loads()
+                label = "quadratic water" if wet else names[count - 1]
+                found.append(self.named(label, [a - b for a, b in zip(now, done, strict=True)]))
+                done = now
+        self.term("pressure")
+        found.append(self.named("pressure", [a - b for a, b in zip(self.loads(), done, strict=True)]))
         return found
 
-    def spoke_loads(self):
-        """Forces and couples on the straight rods' elements (9, N, 3), and on the rings' nodes and elements (N, nodes, 3), so far."""
-        rods = self.plant.core.rods
-        lanes, n = rods.grid.lanes, rods.grid.rings
-
-        def of(name, suffix="", later=0):
-            rows = [rods.spokes[S[f"{name}{i}{suffix}"], (2 + later) * lanes : (10 + later) * lanes] for i in (1, 2, 3)]
-            return np.stack([row.reshape(8, lanes)[:, 1 : n + 1] for row in rows], axis=-1)
-
-        loads = [
-            np.concatenate([of(name, "_C").sum(axis=0)[None], of(name) + np.roll(of(name, "_N", 1), 1, axis=0)]) for name in ("F", "T")
-        ]
-        force, couple = (np.zeros((n, rods.ring(R.X1).shape[1], 3)) for _ in range(2))
-        onward = np.swapaxes(of("F", "_X"), 0, 1)[:-1]
-        at_spokes = slice(None, None, force.shape[1] // 8)
-        force[:, at_spokes] = np.swapaxes(of("F", "_R"), 0, 1)
-        force[1:, at_spokes] += onward
-        force[:-1, at_spokes] -= onward
-        couple[:, at_spokes] = np.swapaxes(of("T", "_R"), 0, 1)
-        return *loads, force, couple
-
-    def to_nodes(self, force):
-        """Forces on elements, half on either node."""
-        return (np.pad(force, ((0, 0), (0, 1), (0, 0))) + np.pad(force, ((0, 0), (1, 0), (0, 0)))) / 2
-
-    def material(self, number, couple):
-        """Couples in the frames of the elements."""
-        view = self.families[number].view
+    def named(self, name, loads):
+        """Loads as forces on the nodes of three families and couples in the frames of the straight rods' elements."""
+        straight, oblique, ring, couple = loads
+        view = self.families[0].view
         frames = np.stack([view(R.Q11 + i) for i in range(9)], axis=-1).reshape(*view(R.Q11).shape, 3, 3)
-        return np.einsum("rnij,rnj->rni", frames, couple)
+        return name, (straight, oblique, ring), (np.einsum("rnij,rnj->rni", frames, couple), None, None)
 
-    # Energies, after `measure`.
+    def loads(self):
+        """Forces on nodes, with those of the axes' tension, and couples on the straight rods' elements."""
+        rods = self.plant.core.rods
+        axis, straight = vectors(rods.straight, R.N1), vectors(rods.straight, R.F1, nodes=True)
+        straight[:, :-1] += axis
+        straight[:, 1:] -= axis
+        return straight, vectors(rods.oblique, R.F1, nodes=True), vectors(rods.ring, R.F1), vectors(rods.straight, R.C1)
+
+    # Energies, after the strains.
 
     def kinetic(self):
         """Kinetic energy of translation, J."""
-        return sum(0.5 * np.sum(f.rods.node_mass[..., None] * vectors(f.view, R.V1, **f.nodes) ** 2) for f in self.families)
+        return sum(0.5 * np.sum(f.mass[..., None] * vectors(f.view, R.V1, **f.nodes) ** 2) for f in self.families)
 
     def potentials(self):
         """Energies of what has a potential, J."""
         stretch = shear = bend = 0.0
         for f in self.families:
             view, rest, e = f.view, f.rods.length, f.view(R.STRETCH)
-            stretch += np.sum(f.rods.area * rest * self.passive_energy(f.law, e))
+            stretch += np.sum(f.rods.area * rest * f.of_law(self.passive_energy, e))
             frames = np.stack([view(R.Q11 + i) for i in range(9)], axis=-1).reshape(*e.shape, 3, 3)
             along = np.einsum("rnij,rnj->rni", frames, vectors(view, R.T1)) * e[..., None]
             shear += 0.5 * np.sum(view(R.SHEAR) * rest * (along[..., 0] ** 2 + along[..., 1] ** 2))
@@ -302,7 +301,12 @@ class Ledger:
             stiff = np.stack([view(R.BEND), view(R.BEND), view(R.TWIST)], axis=-1)
             inside = slice(None) if f.closed else slice(1, None)
             bend += 0.5 * np.sum((joint * swell**6)[:, inside, None] * moment[:, inside] ** 2 / stiff[:, inside])
-        return dict(zip(POTENTIAL, (stretch, shear, bend, *self.connection_energies()), strict=True))
+        velocity = vectors(self.families[2].view, R.V1)
+        apart = np.roll(velocity, -1, axis=1) - velocity
+        mass = 0.5 * dot(self.smoothing * self.families[2].mass[..., None], apart**2)
+        connections = connections_of(self.plant.arm, self.plant.core.geometry, self.plant.core.rods)
+        of_each = [float(getattr(connections, name.replace(" ", "_"))()) for name in CONNECTIONS]
+        return dict(zip(POTENTIAL, (stretch, shear, bend, mass, *of_each), strict=True))
 
     def passive_energy(self, law, stretch):
         """Integral of the passive stress over e from rest, Pa: the force is A sigma / e."""
@@ -312,55 +316,6 @@ class Ledger:
             total = np.concatenate([[0.0], np.cumsum((slope[1:] + slope[:-1]) / 2) * (grid[1] - grid[0])])
             self.tables[id(law)] = grid, total - np.interp(1.0, grid, total)
         return np.interp(stretch, *self.tables[id(law)])
-
-    def connection_energies(self):
-        """Of cord to muscle, muscle to muscle, ring to muscle with its nine nodes, ring to oblique with its five pairs."""
-        rods, sides = self.plant.core.rods, self.sides
-        nodes = vectors(rods.straight, R.X1, nodes=True)
-        centre, radius = (nodes[:, 1:] + nodes[:, :-1]) / 2, rods.straight(R.RADIUS)
-        frames = np.stack([rods.straight(R.Q11 + i) for i in range(9)], axis=-1).reshape(9, -1, 3, 3)
-        root = 1 / np.sqrt(rods.straight(R.STRETCH))
-        reach1 = radius[sides.first] + sides.gap / 2 * root[sides.first]
-        reach2 = radius[sides.second] + sides.gap / 2 * root[sides.second]
-        arm1 = reach1[..., None] * np.einsum("pnji,pnj->pni", frames[sides.first], sides.direction1)
-        arm2 = reach2[..., None] * np.einsum("pnji,pnj->pni", frames[sides.second], sides.direction2)
-        between = centre[sides.second] - centre[sides.first]
-        energy = 0.5 * sides.spring * np.sum((between + arm2 - arm1) ** 2, axis=-1)
-        energy += hertz(sides.contact, reach1 + reach2 - np.linalg.norm(between, axis=-1), 0.0)
-        ring, thick = vectors(rods.ring, R.X1), rods.ring(R.RADIUS)
-        per_ring = ring.shape[1]
-        outward = ring - np.roll(ring, per_ring // 2, axis=1)
-        outward /= np.linalg.norm(outward, axis=2)[..., None]
-        of_muscle = 0.0
-        for m in range(8):
-            q = per_ring // 8 * m
-            gap = centre[m + 1] - ring[:, q] + (thick[:, q] + radius[m + 1])[:, None] * outward[:, q]
-            of_muscle += np.sum(0.5 * self.ring.muscle_spring[:, None] * gap**2)
-            for away in range(-4, 5):
-                node = (q + away) % per_ring
-                overlap = thick[:, node] + radius[m + 1] - np.linalg.norm(ring[:, node] - centre[m + 1], axis=1)
-                of_muscle += np.sum(hertz(self.ring.muscle_contact, overlap, rods.spoke(S.R_EFFECTIVE)[m]))
-        helix, fibre = vectors(rods.oblique, R.X1, nodes=True), rods.oblique(R.RADIUS)
-        fibre = np.concatenate([fibre, fibre[:, -1:]], axis=1)
-        every, of_oblique = np.arange(rods.grid.rings), 0.0
-        for j in range(8):
-            side, q, node = (1 if j < 4 else -1), self.plant.core.geometry.oblique_nodes[j], 2 * every
-            gap = ring[every, q] + (thick[every, q] + fibre[j, node])[:, None] * outward[every, q] - helix[j, node]
-            of_oblique += np.sum(0.5 * self.ring.oblique_spring[:, None] * gap**2)
-            for dh, dq in ((0, 0), (side, 1), (side, 2), (-side, -1), (-side, -2)):
-                there = (node + dh >= 0) & (node + dh <= fibre.shape[1] - 2)
-                h, d = np.where(there, node + dh, 0), (q + dq) % per_ring
-                overlap = thick[every, d] + fibre[j, h] - np.linalg.norm(ring[every, d] - helix[j, h], axis=1)
-                of_oblique += np.sum(there * hertz(self.ring.oblique_contact, overlap, rods.crossing(C.EFFECTIVE)[j]))
-        return energy[:8].sum(), energy[8:].sum(), of_muscle, of_oblique
-
-
-def hertz(stiffness, overlap, effective):
-    """Energy of a softened contact, k p^1.5 / (1 + c p^0.5) integrated over the overlap, by Gauss's rule in the root of p."""
-    point, weight = np.polynomial.legendre.leggauss(6)
-    root = np.sqrt(np.maximum(overlap, 0.0))[..., None] * (point + 1) / 2
-    inside = 2 * root**4 / (1 + np.asarray(effective)[..., None] * root)
-    return stiffness * np.sum(inside * weight, axis=-1) * np.sqrt(np.maximum(overlap, 0.0)) / 2
 
 
 def run(name, duration=0.3, dt="auto"):
@@ -379,11 +334,11 @@ def run(name, duration=0.3, dt="auto"):
             rods.ring(row)[:] = np.maximum(levels[instant, transverse], tone)[:, None]
         for step in range(plant.steps):
             if sample == step == 0:
-                ledger.parts["measure"](rods.flat, 0.0, plant.h, plant.core._laws)
+                ledger.term("strains", 0.0)
                 first = ledger.kinetic() + ledger.spin_energy(), ledger.potentials()
             ledger.step((step + 0.5) / plant.steps)
             ledger.swelling_last = ledger.spin_energy()
-    ledger.parts["measure"](rods.flat, 1.0, plant.h, plant.core._laws)
+    ledger.term("strains", 1.0)
     ledger.book_swelling()
     return ledger, first, (ledger.kinetic() + ledger.spin_energy(), ledger.potentials())
 
@@ -394,8 +349,7 @@ def report(name, duration=0.3, dt="auto"):
     work, plant = ledger.work, ledger.plant
     length = np.linalg.norm(np.diff(plant.observe().points, axis=0), axis=1).sum() * 1e3
     print(
-        f"\n{name}, {duration} s at step {plant.h:.2g} s: length {length:.3f} mm, volume inside the rings "
-        f"{plant.core.volume() * 1e6:.3f} ml; uJ"
+        f"\n{name}, {duration} s at step {plant.h:.2g} s: length {length:.3f} mm, inside the rings {plant.core.volume() * 1e6:.3f} ml; uJ"
     )
     print(f"  {'':24s} {'work':>10s} {'stored':>10s} {'neither':>10s}")
     for label, value in sorted(work.items(), key=lambda entry: -abs(entry[1])):

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from assembly_parts import parts_of
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections
-from octoctrl.sim.assembly.core import compiled
+from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections, straight_mass
 from octoctrl.sim.assembly.geometry import assembly_geometry
-from octoctrl.sim.assembly.layout import STATE_ROWS, SpokeRow
 from octoctrl.sim.assembly.layout import AssemblyRow as R
-from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
+from octoctrl.sim.assembly.layout import SlabRow, SpokeRow
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.topology.measures import twist
@@ -134,7 +134,7 @@ def shaken():
             nodes += size * generator.standard_normal(nodes.shape)
         for row in (R.W1, R.W2, R.W3):
             view(row)[:] = 2e3 * generator.standard_normal(view(row).shape)
-    _, parts = compiled(plant.core.grid, plant.core.geometry.inclination)
+    parts = parts_of(plant)
     parts["move"](rods.flat, 2e-5)
     for row in (R.W1, R.W2, R.W3):
         for view in (rods.straight, rods.oblique, rods.ring):
@@ -353,33 +353,35 @@ def test_axial_systems_are_solved(state):
         assert count == view(R.IMPULSE).shape[1]
 
 
-def test_rest_is_rest():
-    plant = make_plant("assembly", resting_tone=0.0)
-    recording = plant.advance(Activation(), 0.02)
-    assert np.abs(recording.points[-1] - recording.points[0]).max() < 1e-9
-    assert np.isfinite(plant.core.rods.open_rods[:STATE_ROWS]).all() and np.isfinite(plant.core.rods.rings[:STATE_ROWS]).all()
+def test_rest_is_rest_without_any_tone():
+    plant = make_plant("assembly", ring_nodes=8, resting_tone=0.0)
+    plant.advance(Activation(), 0.2)
+    families = ((plant.core.rods.straight, {"nodes": True}), (plant.core.rods.oblique, {"nodes": True}), (plant.core.rods.ring, {}))
+    assert max(np.abs(view(row, **nodes)).max() for view, nodes in families for row in (R.V1, R.V2, R.V3)) < 1e-9
 
 
-def test_motion_is_that_of_an_independent_implementation():
+def test_twisting_keeps_the_volume():
     plant = make_plant("assembly")
     volume = plant.core.volume()
-    recording = plant.advance(programme(), 0.1)
-    # Converged: 196.333 mm (of 200) and -0.06366 turns.
-    assert recording.length[-1] == pytest.approx(0.196333, abs=0.01 * (0.2 - 0.196333))
-    assert twist(recording.points[-1], -recording.frames[-1, 1:-1, 1]) == pytest.approx(-0.06366, rel=0.01)
-    assert plant.core.volume() == pytest.approx(volume, rel=0.1)
+    plant.advance(programme(), 0.1)
+    slabs = plant.core.rods.slab(SlabRow.VOLUME) / plant.core.rods.slab(SlabRow.REST)
+    assert plant.core.volume() == pytest.approx(volume, rel=0.005)
+    # The first ring is held, and its slab has no pressure.
+    assert np.abs(slabs[1:] - 1).max() < 0.003
     # No chatter: the grid-scale part of the cord's velocity is far below its scale.
     velocity = np.stack([plant.core.rods.straight(R.V1 + i, nodes=True)[0] for i in range(3)])
-    assert np.abs(np.diff(velocity, 2, axis=1)).mean() < 1e-3 * np.abs(velocity).max()
+    assert np.abs(np.diff(velocity, 2, axis=1)).mean() < 5e-3 * np.abs(velocity).max()
 
 
-@pytest.mark.slow
-def test_stored_twist_is_that_of_an_independent_implementation():
-    plant = make_plant("assembly")
-    for instant, length, turns in ((0.2, 194.337, -0.34444), (0.4, 194.020, -1.02835), (0.6, 193.265, -1.43478)):
-        recording = plant.advance(programme(), round(instant - plant.time, 6))
-        assert recording.length[-1] * 1e3 == pytest.approx(length, abs=0.01 * (200 - length))
-        assert twist(recording.points[-1], -recording.frames[-1, 1:-1, 1]) == pytest.approx(turns, rel=0.01)
+def test_left_and_right_hand_are_mirror_images():
+    moved = {}
+    for group in ("R-OM", "L-OM"):
+        plant = make_plant("assembly", ring_nodes=8)
+        recording = plant.advance(Activation(templates=(Plateau(groups=(group,), level=0.3, rise=0.1),)), 0.1)
+        moved[group] = [(twist(recording.points[i], -recording.frames[i, 1:-1, 1]), recording.length[i]) for i in (2, -1)]
+    # Compressed fibres of the other hand then buckle, and rounding decides which way.
+    for (right, shorter), (left, short), digits in zip(*moved.values(), (1e-9, 1e-3), strict=True):
+        assert right < -0.01 and left == pytest.approx(-right, rel=digits) and short == pytest.approx(shorter, rel=digits)
 
 
 @pytest.mark.slow
@@ -410,25 +412,29 @@ def test_cord_brake_moves_momentum_from_the_cord_to_its_muscles(state):
     speed = rods.straight(R.V1, nodes=True)
     speed[:] = generator.normal(size=speed.shape)
     speed[:, 0] = 0.0
-    before, mass = speed.copy(), GEOMETRY.straight.node_mass
+    before, mass = speed.copy(), straight_mass(ARM, GEOMETRY, 5e-5)
     parts["cord_brake"](rods.flat, 0.25, np.uint64(2), np.uint64(182))
     np.testing.assert_allclose((mass * speed).sum(axis=0), (mass * before).sum(axis=0), atol=1e-15 * mass.max())
     np.testing.assert_allclose((speed[0] - speed[1:].mean(axis=0))[1:], 0.75 * (before[0] - before[1:].mean(axis=0))[1:], rtol=1e-12)
 
 
-def test_a_crushed_arm_is_stopped_with_the_reason():
-    everything = Activation(templates=(Plateau(groups=MUSCLE_GROUPS, level=1.0, rise=0.005),))
-    with pytest.raises(PlantUnstableError, match=r"of ring \d+ moves .* ring \d+ is squeezed to \d+% of its radius") as caught:
-        make_plant("assembly").advance(everything, 0.4)
-    assert caught.value.time > 0.15 and np.isfinite(caught.value.recording.points).all()
-
-
+@pytest.mark.parametrize(
+    ("groups", "level", "length"),
+    # Elongation against passive longitudinal muscle and shortening against passive rings, at constant volume.
+    [(("TM",), 0.3, 0.070), (("TM",), 1.0, 0.125), (LONGITUDINAL_GROUPS, 1.0, -0.29)],
+    ids=["elongated", "elongated fully", "shortened fully"],
+)
 @pytest.mark.slow
-def test_full_longitudinal_activation_settles():
-    """Without dissipation between cord and muscles the cord, buckled under its contracted muscles, flutters until it diverges at 0.7 s."""
+def test_muscles_deform_the_arm_at_constant_volume(groups, level, length):
     plant = make_plant("assembly")
-    plant.advance(Activation(templates=(Plateau(groups=LONGITUDINAL_GROUPS, level=1.0, rise=0.5),)), 1.2)
-    assert 0.16 < plant.observe().stretch.sum() * plant.core.geometry.spacing < 0.17
+    volume, rings = plant.core.volume(), plant.core.nodes()[2].mean(axis=1)
+    plant.advance(Activation(templates=(Plateau(groups=groups, level=level, rise=0.5),)), 0.7)
+    assert plant.core.volume() == pytest.approx(volume, rel=0.02)
+    slabs = plant.core.rods.slab(SlabRow.VOLUME) / plant.core.rods.slab(SlabRow.REST)
+    assert np.abs(slabs[1:] - 1).max() < 0.03
+    now = plant.core.nodes()[2].mean(axis=1)
+    assert np.ptp(now[:, 1]) / np.ptp(rings[:, 1]) - 1 == pytest.approx(length, abs=0.01)
+    assert np.abs(now[:170, ::2]).max() < 1e-3
 
 
 def test_guard_names_rod_and_element():

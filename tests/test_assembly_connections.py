@@ -1,16 +1,14 @@
-"""Connections of the full arm: twins of the laws that `test_assembly.py` leaves out, momentum, and what does not balance."""
+"""Published connections of the full arm: twins of the laws that `test_assembly.py` leaves out, momentum, and what does not balance."""
 
 import numpy as np
 import pytest
+from assembly_parts import parts_of
 
-from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.constants import ring_connections
-from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.family_kernels import ring_spin_brake
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow as S
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import make_plant
 
 ARM = Arm.octopus()
@@ -56,7 +54,7 @@ def squeezed():
     inward *= (3e-4 * generator.random(inward.shape[:2]) / np.linalg.norm(inward, axis=2))[..., None]
     for i in range(3):
         rods.ring(R.X1 + i)[:] += inward[..., i]
-    _, parts = compiled(plant.core.grid, plant.core.geometry.inclination)
+    parts = parts_of(plant)
     for row in (R.LEVEL_BEFORE, R.LEVEL_AFTER):
         rods.open_rods[row] = rods.rings[row] = 0.2
     parts["move"](rods.flat, 2e-5)
@@ -311,13 +309,3 @@ def test_contacts_beside_the_spokes_conserve_angular_momentum(state):
     scale = np.abs(of_spokes(rods, "F")).sum()
     np.testing.assert_allclose(force, 0, atol=1e-13 * scale)
     np.testing.assert_allclose(moment, 0, atol=1e-13 * scale)
-
-
-def test_the_resting_tone_holds_an_arm_that_would_leave_its_rest():
-    """Radii follow the stretch in the joints and nothing reacts on the rods' tension: without any tone the joints make energy."""
-    with pytest.raises(PlantUnstableError):
-        make_plant("assembly", resting_tone=0.0).advance(Activation(), 0.3)
-    plant = make_plant("assembly")
-    plant.advance(Activation(), 0.4)
-    speeds = [np.abs(view(R.V1 + i)).max() for view in (plant.core.rods.ring, plant.core.rods.oblique) for i in range(3)]
-    assert max(speeds) < 1e-3 and np.abs(plant.observe().points[:, ::2]).max() < 1e-7

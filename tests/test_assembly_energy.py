@@ -18,7 +18,7 @@ def twisted():
 
 def test_work_of_all_forces_is_the_change_of_kinetic_energy(twisted):
     ledger, (before, _), (after, _) = twisted
-    assert ledger.work["muscles"] > 1e-6
+    assert ledger.work["muscles"] > 2e-7
     assert sum(ledger.work.values()) == pytest.approx(after - before, abs=1e-9 * ledger.work["muscles"])
 
 
@@ -27,10 +27,12 @@ def test_muscles_work_as_hills_law_has_it(twisted):
     assert ledger.hill_work == pytest.approx(ledger.work["muscles"], rel=0.01)
 
 
-def test_work_on_the_tissue_is_stored(twisted):
+def test_laws_neither_make_nor_lose_energy(twisted):
     ledger, (_, before), (_, after) = twisted
     muscles = ledger.work["muscles"]
-    for name, share in (("passive stretch", 0.001), ("shear", 0.02), ("bending and twist", 0.02)):
+    for name in after:
+        # Shear is integrated explicitly in elements whose rotary inertia is raised; all else to a thousandth.
+        share = 0.02 if name in ("shear", "bending and twist") else 0.001
         assert ledger.work[name] + after[name] - before[name] == pytest.approx(0.0, abs=share * muscles), name
 
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from octoctrl.sim.assembly.buffer import fill_parameters, new_assembly, set_rest
-from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.geometry import assembly_geometry, octopus_grid
 from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.terms import Step, hydrostat_terms
+from octoctrl.sim.body.anatomy import PLAIN
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import OctoctrlError
@@ -54,12 +55,17 @@ def test_connections_of_twelve_muscles_rest_and_conserve_momentum():
     rods = new_assembly(geometry)
     set_rest(rods, geometry)
     fill_parameters(rods, TENTACLE, geometry, 1e-5, None)
-    _, parts = compiled(TWELVE, geometry.inclination)
+    terms, step = hydrostat_terms(TWELVE, PLAIN), Step(1e-5, (), (0.0, 0.0), rods.ring_index, rods.helix_index)
+
+    def connect():
+        rods.open_rods[R.N1 : R.N3 + 1] = 0.0
+        for name in ("crossings", "sides", "ring connections", "contacts", "sums", "pressure"):
+            terms[name](rods.flat, 0.5, step)
+
     # The current radius, as the strain kernel would leave it at rest.
     for family in (rods.open_rods, rods.rings):
         family[R.RADIUS] = family[R.REST_RADIUS]
-    parts["crossings"](rods.flat, rods.ring_index, rods.helix_index)
-    parts["spokes"](rods.flat, (0.0, 0.0))
+    connect()
     # Largest constants: 1e5 N/m on lengths of 0.05 m, rounded to 1e-16.
     assert max(np.abs(rods.ring(R.F1 + i)).max() for i in range(3)) < 1e-10
     assert max(np.abs(rods.straight(R.F1 + i, nodes=True)).max() for i in range(3)) < 1e-10
@@ -68,8 +74,7 @@ def test_connections_of_twelve_muscles_rest_and_conserve_momentum():
         for row in (R.X1, R.X2, R.X3):
             nodes = view(row) if view == rods.ring else view(row, nodes=True)
             nodes += 2e-5 * generator.standard_normal(nodes.shape)
-    parts["crossings"](rods.flat, rods.ring_index, rods.helix_index)
-    parts["spokes"](rods.flat, (0.0, 0.0))
+    connect()
     each = np.abs(np.stack([rods.ring(R.F1 + i) for i in range(3)]))
     # Every ring, every spoke and every crossing carries a force.
     assert (each.max(axis=0)[:, :: TWELVE.spoke_pitch] > 0).all()

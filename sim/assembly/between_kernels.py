@@ -6,8 +6,9 @@ combination of these two nodes and of the two on the opposite side,
     s = (a + o) / 2 + c (a - o) / 2,     a = (1 - t) x_left + t x_right,     o the same on the opposite side,
 
 with t the share of the chord and c the circle's radius over the chord's; the force on it is handed to the four nodes with the same weights,
-so that force and moment stay. Spring and contact are those of `octoctrl.sim.assembly.crossing_kernels`; contacts of the helix nodes in the
-middle between two rings, which a coarse ring has no nodes for, are left out.
+so that force and moment stay, and so is what turns the outward direction. Spring and contact are those of
+`octoctrl.sim.assembly.crossing_kernels`; contacts of the helix nodes in the middle between two rings, which a coarse ring has no nodes for,
+are left out.
 """
 
 import numpy as np
@@ -35,20 +36,18 @@ def between_kernels(grid):
     row = np.uint64(stride_of(helices, grid.lanes))
     X1, X2, X3, HX1, HX2, HX3 = (table[f"X{i}"] for table in (g, o) for i in (1, 2, 3))
     RF1, RF2, RF3, HF1, HF2, HF3 = (table[f"F{i}"] for table in (g, o) for i in (1, 2, 3))
-    RADIUS, HRADIUS, S_RADIUS, H_RADIUS = g["RADIUS"], o["RADIUS"], c["S_RADIUS"], c["H_RADIUS"]
+    S_RADIUS, H_RADIUS = c["S_RADIUS"], c["H_RADIUS"]
     A, B, D, E = (c[f"{place}1"] for place in RING_PLACES)
     H, FA, FB, FD, FE, FH = (c[name] for name in ("H1", "FA1", "FB1", "FD1", "FE1", "FH1"))
     SPRING, CONTACT, EFFECTIVE, SHARE, ARC = (c[k] for k in ("SPRING", "CONTACT", "EFFECTIVE", "SHARE", "ARC"))
     places, results = (A, B, D, E), (FA, FB, FD, FE)
-    fetch, fetch_radius, give = transfer_kernels(grid)
+    fetch, _, give = transfer_kernels(grid)
 
     @kernel
     def gather(b, ring_index, helix_index):
         for place in range(4):
             fetch(b, ring_index[place], X1, X2, X3, places[place])
-        fetch_radius(b, ring_index[0], RADIUS, S_RADIUS)
         fetch(b, helix_index[0], HX1, HX2, HX3, H)
-        fetch_radius(b, helix_index[0], HRADIUS, H_RADIUS)
 
     @kernel
     def connect(b):
@@ -66,8 +65,8 @@ def between_kernels(grid):
                 d1 = 0.5 * (near1 + far1 + o1) - b[H + k]
                 d2 = 0.5 * (near2 + far2 + o2) - b[H + row + k]
                 d3 = 0.5 * (near3 + far3 + o3) - b[H + row + row + k]
-                reach = b[S_RADIUS + k] + b[H_RADIUS + k]
-                lever = reach / np.sqrt(o1 * o1 + o2 * o2 + o3 * o3)
+                reach, square = b[S_RADIUS + k] + b[H_RADIUS + k], o1 * o1 + o2 * o2 + o3 * o3
+                lever = reach / np.sqrt(square)
                 distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
                 overlap = max(reach - distance, 0.0)
                 unit = b[CONTACT + k] * overlap * np.sqrt(overlap / (1 + b[EFFECTIVE + k] * overlap)) / distance
@@ -76,12 +75,16 @@ def between_kernels(grid):
                 f2 = spring * (d2 + lever * o2) - unit * d2
                 f3 = spring * (d3 + lever * o3) - unit * d3
                 b[FH + k], b[FH + row + k], b[FH + row + row + k] = f1, f2, f3
+                # Here o is arc (near - far) and s is (near + far + o) / 2: forces on near and far.
+                turn, along = spring * lever * arc, (d1 * o1 + d2 * o2 + d3 * o3) / square
+                g1, g2, g3 = turn * (d1 - along * o1), turn * (d2 - along * o2), turn * (d3 - along * o3)
                 own, other = 0.5 * (1 + arc), 0.5 * (1 - arc)
-                left, right, left_opposite, right_opposite = own * rest, own * share, other * rest, other * share
-                b[FA + k], b[FA + row + k], b[FA + row + row + k] = -left * f1, -left * f2, -left * f3
-                b[FB + k], b[FB + row + k], b[FB + row + row + k] = -right * f1, -right * f2, -right * f3
-                b[FD + k], b[FD + row + k], b[FD + row + row + k] = -left_opposite * f1, -left_opposite * f2, -left_opposite * f3
-                b[FE + k], b[FE + row + k], b[FE + row + row + k] = -right_opposite * f1, -right_opposite * f2, -right_opposite * f3
+                n1, n2, n3 = own * f1 + g1, own * f2 + g2, own * f3 + g3
+                b[FA + k], b[FA + row + k], b[FA + row + row + k] = -rest * n1, -rest * n2, -rest * n3
+                b[FB + k], b[FB + row + k], b[FB + row + row + k] = -share * n1, -share * n2, -share * n3
+                n1, n2, n3 = other * f1 - g1, other * f2 - g2, other * f3 - g3
+                b[FD + k], b[FD + row + k], b[FD + row + row + k] = -rest * n1, -rest * n2, -rest * n3
+                b[FE + k], b[FE + row + k], b[FE + row + row + k] = -share * n1, -share * n2, -share * n3
 
     @kernel
     def scatter(b, ring_index, helix_index):

@@ -1,7 +1,7 @@
 """The buffer of an assembly, filled from geometry: states at rest, stiffnesses, masses, connection constants, damping for a time step."""
 
 from dataclasses import dataclass, fields
-from math import prod, tau
+from math import prod, tan, tau
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,11 +9,12 @@ import numpy as np
 from ..body.grid import AssemblyGrid
 from ..physics.damping import damped
 from ..rotations import rotation_vector
-from .constants import ring_connections, stiffness, straight_connections
-from .crossing_kernels import buffer_size, crossing_offsets
+from .constants import ring_connections, ring_smoothing, slab_volumes, stiffness, straight_connections, straight_mass
+from .crossing_kernels import crossing_offsets
 from .family_kernels import family_offsets
-from .joint_kernels import spoke_offsets
-from .layout import STATE_ROWS, AssemblyRow, CrossingRow, SpokeRow, stride_of
+from .layout import STATE_ROWS, AssemblyRow, CrossingRow, SlabRow, SpokeRow, stride_of
+from .pressure_kernels import buffer_size, slab_offsets
+from .spoke_kernels import spoke_offsets
 
 SPIN_ARM = 1e-3
 """Lever (m) that turns the linear drag of rings and helices into a drag on their spin, as in the source, where one number serves both."""
@@ -32,14 +33,14 @@ class _Place(NamedTuple):
 
 @dataclass(slots=True)
 class AssemblyBuffer:
-    """One flat buffer and views of its four parts as rows.
+    """One flat buffer and views of its parts as rows.
 
     Attributes
     ----------
     grid : AssemblyGrid
     flat : (size,) float64
-    open_rods, rings, spokes, crossings : (rows, stride) float64
-        Views; rows are those of `AssemblyRow`, `SpokeRow` and `CrossingRow`.
+    open_rods, rings, spokes, crossings, slabs : (rows, stride) float64
+        Views; rows are those of `AssemblyRow`, `SpokeRow`, `CrossingRow` and `SlabRow`.
     ring_index : (6, helices * lanes) uint64
     helix_index : (3, helices * lanes) uint64
     """
@@ -50,6 +51,7 @@ class AssemblyBuffer:
     rings: np.ndarray
     spokes: np.ndarray
     crossings: np.ndarray
+    slabs: np.ndarray
     ring_index: np.ndarray
     helix_index: np.ndarray
 
@@ -79,7 +81,7 @@ class AssemblyBuffer:
             rows[R.STRETCH :] = 0.0
             rows[R.STRETCH] = 1.0
         self.spokes[: SpokeRow.CU11], self.spokes[SpokeRow.F1 :] = 0.0, 0.0
-        self.crossings[: CrossingRow.SPRING], self.crossings[CrossingRow.FA1 :] = 0.0, 0.0
+        self.crossings[: CrossingRow.A_RADIUS], self.crossings[CrossingRow.FA1 :], self.slabs[SlabRow.A1 :] = 0.0, 0.0, 0.0
         self.open_rods[:STATE_ROWS], self.rings[:STATE_ROWS] = state
 
     def straight(self, row, nodes=False):
@@ -117,6 +119,10 @@ class AssemblyBuffer:
         grid = self.grid
         return self.crossings[row, : grid.helices * grid.lanes].reshape(grid.helices, grid.lanes)[:, 1 : grid.rings + 1]
 
+    def slab(self, row):
+        """View (N,) of one `row` of the slabs."""
+        return self.slabs[row, 1 : self.grid.rings + 1]
+
 
 def new_assembly(geometry):
     """A zeroed buffer for `geometry`, with its tables of indices."""
@@ -148,6 +154,7 @@ def new_assembly(geometry):
         rings=view(family_offsets(grid, True)["X1"], R, grid.ring_slots),
         spokes=view(spoke_offsets(grid)["S1"], SpokeRow, grid.spoke_slots),
         crossings=view(crossing_offsets(grid)["A1"], CrossingRow, grid.helices),
+        slabs=view(slab_offsets(grid)["REST"], SlabRow, 1),
         ring_index=ring_index.reshape(len(around), -1),
         helix_index=helix_index.reshape(len(along), -1),
     )
@@ -210,8 +217,9 @@ def fill_parameters(buffer, arm, geometry, h, water, published=False):
     rates = anatomy.straight_rate, anatomy.oblique_rate + wet[0], wet[1]
     held = not anatomy.traits.sliding
     soften = 0.0 if published else h
-    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], soften, len(geometry.straight.radius) if held else 1)
-    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], soften, len(geometry.oblique.radius) if held else 0)
+    muscles, helices, held_rods = straight_mass(arm, geometry, soften), geometry.oblique.node_mass, None if held else 1
+    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], soften, muscles, held_rods)
+    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], soften, helices, held_rods if held else 0)
     rows = buffer.open_rods
     ghosts = rows[R.JOINT_LENGTH] == 0
     rows[R.JOINT_LENGTH, ghosts] = 1.0
@@ -225,6 +233,7 @@ def fill_parameters(buffer, arm, geometry, h, water, published=False):
         _set_ring(buffer, R.STRENGTH, strength[:, None])
         _set_ring(buffer, R.PACE, pace[:, None])
     _fill_connections(buffer, arm, geometry, soften)
+    _fill_slabs(buffer, arm, geometry, h)
 
 
 def _inertia(stiff, family, h):
@@ -234,8 +243,8 @@ def _inertia(stiff, family, h):
     return bending, twisting
 
 
-def _fill_open(buffer, arm, family, view, h, rate, floor, held):
-    """The first nodes of so many rods are `held`, and all rods' first elements."""
+def _fill_open(buffer, arm, family, view, h, rate, floor, mass, held):
+    """The first nodes of so many rods (None: of all) are `held`, and all rods' first elements."""
     stiff, length = stiffness(arm, family), family.length
     bending, twisting = _inertia(stiff, family, floor)
     for row, values in (
@@ -256,7 +265,7 @@ def _fill_open(buffer, arm, family, view, h, rate, floor, held):
         view(R.REST1 + component)[:, 1:] = turn[..., component] / (both / 2)
     decay, weight = damped(np.full(family.node_mass.shape, rate), h)
     decay[:held, 0] = weight[:held, 0] = 0.0
-    view(R.NODE_DECAY, True)[:], view(R.NODE_MOBILITY, True)[:] = decay, weight / family.node_mass
+    view(R.NODE_DECAY, True)[:], view(R.NODE_MOBILITY, True)[:] = decay, weight / mass
     _set_spin(view, family, bending, twisting, rate, h, np.s_[:, 0])
 
 
@@ -312,6 +321,7 @@ def _fill_connections(buffer, arm, geometry, h):
     muscle_mass = geometry.straight.element_mass[1]
     buffer.spoke(S.R_SPRING)[:] = ring.muscle_spring
     buffer.spoke(S.R_TORQUE)[:] = ring.muscle_torque
+    buffer.spoke(S.R_LEAN)[:] = geometry.spacing * tan(geometry.inclination)
     buffer.spoke(S.R_CONTACT)[:] = ring.muscle_contact
     buffer.spoke(S.R_REPULSION)[:] = ring.muscle_repulsion
     buffer.spoke(S.R_NEXT)[:, :-1] = ring.ring_spring
@@ -320,6 +330,7 @@ def _fill_connections(buffer, arm, geometry, h):
     buffer.crossing(C.SPRING)[:] = ring.oblique_spring
     for row in (C.CONTACT, C.P_CONTACT, C.N_CONTACT):
         buffer.crossing(row)[:] = ring.oblique_contact
+    _fill_radii(buffer, geometry)
     if grid.between:
         width = tau / grid.ring_nodes
         angle = (geometry.oblique_nodes - _node_before(geometry)) * width
@@ -330,3 +341,31 @@ def _fill_connections(buffer, arm, geometry, h):
     buffer.crossing(C.N_CONTACT)[:half, 0] = buffer.crossing(C.P_CONTACT)[half:, 0] = 0.0
     buffer.crossing(C.P_CONTACT)[:half, -1] = buffer.crossing(C.N_CONTACT)[half:, -1] = 0.0
     buffer.crossing(C.EFFECTIVE)[:] = (0.75 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)) ** 2
+
+
+def _fill_radii(buffer, geometry):
+    """Radii at rest of what meets at the crossings; a helix node has that of the element with its number."""
+    C, grid, helix = CrossingRow, geometry.grid, geometry.oblique.radius
+    for place in "ABSDE":
+        buffer.crossing(C[f"{place}_RADIUS"])[:] = geometry.rings.radius[:, 0]
+    helix = np.concatenate([helix, helix[:, -1:]], axis=1)
+    met, half = grid.helix_nodes * np.arange(grid.rings), grid.helices // 2
+    for place, away in (("P", 1), ("H", 0), ("N", -1)):
+        for rods, side in ((slice(half), away), (slice(half, None), -away)):
+            buffer.crossing(C[f"{place}_RADIUS"])[rods] = helix[rods][:, np.clip(met + side, 0, helix.shape[1] - 1)]
+
+
+def _fill_slabs(buffer, arm, geometry, h):
+    T, anatomy, nodes = SlabRow, arm.anatomy, geometry.grid.ring_nodes
+    area = geometry.straight.area[1:]
+    buffer.straight(R.SECTION)[1:] = area / area.sum(axis=0)
+    rest = slab_volumes(geometry)
+    buffer.slab(T.REST)[:], buffer.slab(T.BULK)[:] = rest, anatomy.bulk_modulus
+    if not anatomy.traits.sliding:
+        buffer.slab(T.BULK)[0] = 0.0
+    buffer.slab(T.COMPLIANCE)[:] = rest / (h * anatomy.bulk_modulus)
+    root = 1 + 0.5 / ring_smoothing(arm, geometry, h)
+    root = 1 / (root + np.sqrt(root**2 - 1))
+    power = root**nodes
+    for row, values in ((T.ROOT, root), (T.UNROOT, 1 / root), (T.GAIN, (1 - root) ** 2), (T.POWER, power), (T.CLOSURE, 1 / (1 - power))):
+        buffer.slab(row)[:] = values

@@ -4,11 +4,16 @@ All are functions of an `Arm` and of the rods that `octoctrl.sim.assembly.geomet
 published model (Tekinalp et al. 2024, SI). Forces N, lengths m.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .geometry import PUBLISHED_NODES
+from ..body.arm import Arm
+from ..body.muscles import MuscleLaw
+from .geometry import PUBLISHED_NODES, AssemblyGeometry
+
+Floats = NDArray[np.float64]
 
 SHEAR_COEFFICIENT = 4 / 3
 STRAIGHT_SPRING, STRAIGHT_CONTACT = 0.166, 2.0
@@ -154,6 +159,53 @@ def ring_connections(arm, geometry):
         oblique_spring=oblique,
         oblique_contact=RING_OBLIQUE_CONTACT * oblique * ROOT_MILLIMETRE,
     )
+
+
+def fibre_laws(arm: Arm, published: bool = False) -> tuple[MuscleLaw, MuscleLaw, MuscleLaw, MuscleLaw]:
+    """Laws of longitudinal, oblique and transverse muscle and of the nerve cord.
+
+    The cord is no muscle: it has the longitudinal fibres' law, but in compression it is no stiffer than in bending. With the muscles'
+    modulus, 2.5 times as high, it would buckle into a helix where they shorten by 15 %. Where an arm's rings are stiff in compression in
+    the place of the volume, which is kept here, they are as soft as its anatomy says. In the `published` numerics neither is so.
+    """
+    muscle, ring, soft = arm.longitudinal, arm.transverse, arm.anatomy.ring_compression
+    if published:
+        return muscle, arm.oblique, ring, muscle
+    cord = replace(muscle, compression_modulus=min(muscle.compression_modulus, arm.youngs_modulus))
+    return muscle, arm.oblique, ring if soft is None else replace(ring, compression_modulus=soft), cord
+
+
+def slab_volumes(geometry: AssemblyGeometry) -> Floats:
+    """Volumes (N,) at rest between the ends of the muscles' elements, inside the rings' middle lines, m^3."""
+    ring, area = geometry.rings.points, geometry.straight.area[1:]
+    vector = np.cross(np.roll(ring, -1, axis=1), ring).sum(axis=1) / 2
+    edge = np.einsum("rn,rnk->nk", area / area.sum(axis=0), geometry.straight.edges[1:])
+    return np.sum(vector * edge, axis=1)
+
+
+MUSCLE_MASS = 2.0
+"""Nodes of the longitudinal muscles have at least this times h^2 k as mass, k the spring to their ring: light tips would flutter on it."""
+
+
+def straight_mass(arm: Arm, geometry: AssemblyGeometry, h: float) -> Floats:
+    """Masses (straight rods, N + 1) of the nodes of cord and muscles, with what the tips of the muscles need for the step `h` (s), kg."""
+    mass, spring = geometry.straight.node_mass, ring_connections(arm, geometry).muscle_spring
+    mass[1:] = np.maximum(mass[1:], MUSCLE_MASS * h * h * np.append(spring, spring[-1]))
+    return mass
+
+
+STRING_SHARE, LEAST_SMOOTHING = 0.7, 1e-3
+"""Share of the limit of a ring's elements as strings that a step may take; smoothing below which there is practically none."""
+
+
+def ring_smoothing(arm: Arm, geometry: AssemblyGeometry, h: float) -> Floats:
+    """Factor beta (N,) of the rings' selective mass for the step `h` (s), see `octoctrl.sim.assembly.ring_mass_kernels`.
+
+    A string of elements of length l and mass m under the tension T is stable for h < sqrt(l m / T); with the mass added, for every h.
+    """
+    rings = geometry.rings
+    tension = rings.area[:, 0] * (arm.transverse.maximum_stress + SHEAR_COEFFICIENT * arm.shear_modulus)
+    return np.maximum(h * h * tension / (4 * STRING_SHARE * rings.length[:, 0] * rings.node_mass[:, 0]), LEAST_SMOOTHING)
 
 
 def thin_ring_limit(arm, geometry):

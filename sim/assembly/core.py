@@ -22,10 +22,11 @@ from ..physics.fibre_kernels import law_constants
 from ..running.clock import Clock, StepLimit
 from ..scene.scene import Scene
 from .buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
-from .constants import thin_ring_limit
+from .constants import fibre_laws, thin_ring_limit
 from .diagnosis import cause
+from .energies import connections_of
 from .geometry import assembly_geometry, assembly_grid
-from .layout import AssemblyRow, SpokeRow
+from .layout import AssemblyRow, SlabRow, SpokeRow
 
 DEFAULT_SHARE, LARGEST_SHARE = 0.58, 0.695
 """Shares of the linear limit that a step takes, and may take: 50 and 60 of 86 microseconds for the published arm, where 70 diverges."""
@@ -35,13 +36,12 @@ TONE_RAMP = 0.01
 
 
 @cache
-def compiled(
-    grid: AssemblyGrid, inclination: float, published: bool = False, traits: Traits = PLAIN
-) -> tuple[Callable[..., Any], dict[str, Callable[..., Any]]]:
-    """The compiled loop of an assembly and its parts, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
+def compiled(grid: AssemblyGrid, inclination: float, published: bool = False, traits: Traits = PLAIN) -> Callable[..., Any]:
+    """The compiled loop of an assembly, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
     from .stepping import assembly_stepper
+    from .terms import hydrostat_terms, published_terms
 
-    return assembly_stepper(grid, inclination, published, traits)
+    return assembly_stepper(grid, published_terms(grid, traits, inclination) if published else hydrostat_terms(grid, traits))
 
 
 def _at_spokes(levels: Floats, spokes: int) -> Floats:
@@ -126,7 +126,7 @@ class AssemblyCore:
         density = 0.0 if water is None else water.density * water.factor
         rates = (0.0, 0.0) if water is None else (water.factor * water.oblique_rate, water.factor * water.ring_rate)
         self._drag = (density * drag[0], density * drag[1], *rates)
-        self._laws = tuple(law_constants(law) for law in (arm.longitudinal, arm.oblique, arm.transverse))
+        self._laws = tuple(law_constants(law) for law in fibre_laws(arm, paper_compatible))
         self.rest()
 
     @property
@@ -152,8 +152,8 @@ class AssemblyCore:
         return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self.geometry.straight.length[0]
 
     def series(self) -> State:
-        """Nothing beside the shape."""
-        return {}
+        """Volumes of the slabs between the rings over those at rest, ``slab_volume`` (N,)."""
+        return {"slab_volume": connections_of(self.arm, self.geometry, self.rods).volumes() / self.rods.slab(SlabRow.REST)}
 
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities and spins of the nerve cord now."""
@@ -174,7 +174,9 @@ class AssemblyCore:
         return tuple(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1) for points in (straight, oblique, closed))
 
     def pressure(self) -> Floats:
-        """Intramuscular pressure (9, N) in the nerve cord and the longitudinal muscles at the last step, Pa."""
+        """Pressure at the last step, Pa: of the slabs (N,); in the published numerics, in the cord and the longitudinal muscles (9, N)."""
+        if not self.paper_compatible:
+            return self.rods.slab(SlabRow.PRESSURE).copy()
         total, *parts = (self.rods.straight_sum(row) for row in (SpokeRow.SUM, SpokeRow.G1, SpokeRow.G2, SpokeRow.G3))
         stretch = self.rods.straight(AssemblyRow.STRETCH)
         surface = tau * self.geometry.straight.radius * self.geometry.straight.length * np.sqrt(stretch)
@@ -205,6 +207,7 @@ class AssemblyCore:
         along, n, rods = inputs["arm"], self.elements, self.rods
         samples = len(along) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
+        volumes = np.empty((samples, n))
         longitudinal = np.empty((samples + 1, self.grid.straight_rods, n))
         tone = self.resting_tone * np.minimum(clock.instants(first, samples) / TONE_RAMP, 1.0)
         longitudinal[:, 0] = tone[:, None]
@@ -216,15 +219,16 @@ class AssemblyCore:
         for group in layout.oblique:
             oblique[:, 0 if group.hand > 0 else 1] = inputs["oblique"][:, layout.index(group.name)]
         with BUILDING:
-            step, _ = compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits)
+            step = compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits)
         if self.paper_compatible:
             set_filter_masks(rods)
         done, finding, family, where = step(
             rods.flat, self._h, clock.steps, longitudinal, oblique, transverse, self._laws, self._drag,
-            rods.ring_index, rods.helix_index, points, frames, stretch, watch,
+            rods.ring_index, rods.helix_index, points, frames, stretch, volumes, watch,
         )  # fmt: skip
         rod, element = self.place(family, int(where)) if finding else ("", 0)
-        return Motion(points[:done], frames[:done], stretch[:done], finding=Finding(finding), rod=rod, element=element)
+        series = {"slab_volume": volumes[:done] / rods.slab(SlabRow.REST)}
+        return Motion(points[:done], frames[:done], stretch[:done], series, Finding(finding), rod, element)
 
     def explain(self, before: State, first: int, inputs: State, motion: Motion, clock: Clock) -> Stop:
         """Go again and look after every step where it began: within a sample the damage spreads over the whole arm."""

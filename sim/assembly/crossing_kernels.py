@@ -1,17 +1,23 @@
 """Connections of rings and oblique helices: a spring from surface to surface at each crossing, and contact with the nodes around it.
 
-The nodes h of a helix and q of a ring that meet are joined along the ring's outward direction; h pushes on q, and the helix nodes
-on either side of h on the two ring nodes on the same side of q (Hertz contact, power 3/2, softened for the step). Which helix node is on
-which side depends on the hand and stands in the tables of indices, as does everything else that is irregular: the arithmetic itself runs
-over consecutive numbers. Laws of Tekinalp et al. (2024, SI).
+The nodes h of a helix and q of a ring that meet are joined along the ring's outward direction o, with reach the sum of both radii; h pushes
+on q, and the helix nodes on either side of h on the two ring nodes on the same side of q (Hertz contact, power 3/2, softened for the step).
+Which helix node is on which side depends on the hand and stands in the tables of indices, as does everything else that is irregular: the
+arithmetic itself runs over consecutive numbers. Constants of Tekinalp et al. (2024, SI). The joint is the gradient of
+
+    U = 1/2 k |x_q - x_h + reach o|^2
+
+with radii at rest, so that the spring also turns o, by forces on q and on the opposite node. The published law leaves that out and takes
+the present radii.
 """
 
 import numpy as np
 
+from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from .family_kernels import family_offsets
-from .joint_kernels import spoke_offsets
 from .layout import CrossingRow, SpokeRow, stride_of
+from .spoke_kernels import spoke_offsets
 
 ONE = np.uint64(1)
 RING_PLACES, HELIX_PLACES = "ABSDEO", "PHN"
@@ -22,11 +28,6 @@ def crossing_offsets(grid):
     start = int(spoke_offsets(grid)["S1"]) + len(SpokeRow) * stride_of(grid.spoke_slots, grid.lanes)
     stride = stride_of(grid.helices, grid.lanes)
     return {row.name: np.uint64(start + row * stride) for row in CrossingRow}
-
-
-def buffer_size(grid):
-    """Numbers in the one buffer of an assembly."""
-    return int(crossing_offsets(grid)["A1"]) + len(CrossingRow) * stride_of(grid.helices, grid.lanes)
 
 
 def transfer_kernels(grid):
@@ -71,8 +72,8 @@ def transfer_kernels(grid):
     return fetch, fetch_radius, give
 
 
-def crossing_kernels(grid):
-    """Compile gathering, forces and scattering of the crossings.
+def crossing_kernels(grid: AssemblyGrid, published: bool = False):
+    """Compile gathering, forces and scattering of the crossings, by the `published` law or with a potential.
 
     Returns
     -------
@@ -94,14 +95,16 @@ def crossing_kernels(grid):
     def gather(b, ring_index, helix_index):
         for place in range(6):
             fetch(b, ring_index[place], X1, X2, X3, ring_rows[place])
-        for place in range(5):
-            fetch_radius(b, ring_index[place], RADIUS, ring_radius[place])
         for place in range(3):
             fetch(b, helix_index[place], HX1, HX2, HX3, helix_rows[place])
-            fetch_radius(b, helix_index[place], HRADIUS, helix_radius[place])
+        if published:
+            for place in range(5):
+                fetch_radius(b, ring_index[place], RADIUS, ring_radius[place])
+            for place in range(3):
+                fetch_radius(b, helix_index[place], HRADIUS, helix_radius[place])
 
     position = {place: tuple(c[f"{place}{i}"] for i in (1, 2, 3)) for place in RING_PLACES + HELIX_PLACES}
-    force = {place: tuple(c[f"F{place}{i}"] for i in (1, 2, 3)) for place in "ABSDEPHN"}
+    force = {place: tuple(c[f"F{place}{i}"] for i in (1, 2, 3)) for place in "ABSDEOPHN"}
     A1, A2, A3 = position["A"]
     B1, B2, B3 = position["B"]
     S1, S2, S3 = position["S"]
@@ -116,6 +119,7 @@ def crossing_kernels(grid):
     FS1, FS2, FS3 = force["S"]
     FD1, FD2, FD3 = force["D"]
     FE1, FE2, FE3 = force["E"]
+    FO1, FO2, FO3 = force["O"]
     FP1, FP2, FP3 = force["P"]
     FH1, FH2, FH3 = force["H"]
     FN1, FN2, FN3 = force["N"]
@@ -139,12 +143,20 @@ def crossing_kernels(grid):
                 o1, o2, o3 = s1 - b[O1 + k], s2 - b[O2 + k], s3 - b[O3 + k]
                 d1, d2, d3 = s1 - h1, s2 - h2, s3 - h3
                 reach, effective = b[S_RADIUS + k] + b[H_RADIUS + k], b[EFFECTIVE + k]
-                lever = reach / np.sqrt(o1 * o1 + o2 * o2 + o3 * o3)
+                square = o1 * o1 + o2 * o2 + o3 * o3
+                lever = reach / np.sqrt(square)
                 spring, unit = b[SPRING + k], push(d1, d2, d3, reach, b[CONTACT + k], effective)
                 f1 = spring * (d1 + lever * o1) - unit * d1
                 f2 = spring * (d2 + lever * o2) - unit * d2
                 f3 = spring * (d3 + lever * o3) - unit * d3
                 b[FH1 + k], b[FH2 + k], b[FH3 + k] = f1, f2, f3
+                if not published:
+                    # Of the spring's stretch only what stands across o turns it.
+                    across = spring * lever
+                    along = (d1 * o1 + d2 * o2 + d3 * o3) / square
+                    g1, g2, g3 = across * (d1 - along * o1), across * (d2 - along * o2), across * (d3 - along * o3)
+                    b[FO1 + k], b[FO2 + k], b[FO3 + k] = g1, g2, g3
+                    f1, f2, f3 = f1 + g1, f2 + g2, f3 + g3
                 b[FS1 + k], b[FS2 + k], b[FS3 + k] = -f1, -f2, -f3
                 p1, p2, p3, radius, stiffness = b[P1 + k], b[P2 + k], b[P3 + k], b[P_RADIUS + k], b[P_CONTACT + k]
                 d1, d2, d3 = b[D1 + k] - p1, b[D2 + k] - p2, b[D3 + k] - p3
@@ -175,6 +187,8 @@ def crossing_kernels(grid):
     def scatter(b, ring_index, helix_index):
         for place in range(5):
             give(b, ring_index[place], ring_forces[place], RF1, RF2, RF3)
+        if not published:
+            give(b, ring_index[5], FO1, RF1, RF2, RF3)
         for place in range(3):
             give(b, helix_index[place], helix_forces[place], HF1, HF2, HF3)
 

@@ -76,6 +76,10 @@ class Anatomy:
         What cord and longitudinal muscles carry at their far ends, by their areas.
     straight_rate, oblique_rate : float, 1/s
         Linear damping of the straight rods and of the helices beside that of the water.
+    bulk_modulus : float, Pa
+        Of the tissue between the rings in the default numerics; the published ones do not keep the volume.
+    ring_compression : float or None, Pa
+        Compression modulus of the rings in the default numerics; None takes that of their law.
     resting_tone, published_tone : float
         Smallest activation of the cord, the longitudinal and the transverse muscles in the two numerics.
     step, published_step : float or None, s
@@ -89,6 +93,8 @@ class Anatomy:
     tip_mass: float = 0.0
     straight_rate: float = 0.0
     oblique_rate: float = 0.0
+    bulk_modulus: float = 1e7
+    ring_compression: float | None = None
     resting_tone: float = 0.001
     published_tone: float = 0.001
     step: float | None = None

@@ -143,7 +143,9 @@ class SquidTentacle(Arm):
             straight_rate=84.0,
             oblique_rate=40.0,
             published_tone=0.0,
-            step=1e-5,
+            bulk_modulus=1e8,
+            ring_compression=AXIAL.compression_modulus,
+            step=5e-6,
             published_step=1.25e-6,
         )
 

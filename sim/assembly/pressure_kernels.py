@@ -1,0 +1,185 @@
+"""Volume of the arm, slab by slab, and the pressure that keeps it.
+
+A slab reaches from end to end of one element of the muscles and is bounded by its ring. With x_q the ring's nodes and X_m the muscles',
+
+    a = 1/2 sum_q x_q+1 x x_q,     e = sum_m w_m (X_m,i+1 - X_m,i),     V = a.e,     U = 1/2 B V_0 (1 - V / V_0)^2
+
+where w_m is the muscle's share of the section (the cord has none: the pressure would push it out at the tip). V is a polynomial that
+depends on differences only, so that the pressure p = B (1 - V / V_0) changes neither momentum nor angular momentum.
+
+B is that of water-filled tissue, far too stiff for an explicit step: after all other forces, velocities are projected. Increments of
+pressure solve, with W the velocity per force of a node over one step h and g the gradients of V,
+
+    (S + V_0 / (h B)) dp = - dV/dt,     S_ij = sum over nodes of W g_i.g_j,     v += W g dp
+
+which is tridiagonal, as only muscles reach from slab to slab. The pressure of the next step follows from V itself and agrees with p + dp:
+there is no state beside the positions. For the ring nodes W is that of a ring that breathes, W / (1 + W Y (2 - 2 cos(2 pi / n))) with Y the
+mean viscosity of its elements over the step, since pressure must move the whole hoop and not its nodes alone; with the bare W it would lag.
+"""
+
+from math import cos, tau
+
+import numpy as np
+
+from ..body.grid import AssemblyGrid
+from ..compiler import kernel
+from .crossing_kernels import crossing_offsets
+from .family_kernels import family_offsets
+from .layout import CrossingRow, SlabRow, stride_of
+
+ONE = np.uint64(1)
+
+
+def slab_offsets(grid: AssemblyGrid) -> dict[str, np.uint64]:
+    """Unsigned offsets of the slabs' rows in the one buffer."""
+    start = int(crossing_offsets(grid)["A1"]) + len(CrossingRow) * stride_of(grid.helices, grid.lanes)
+    return {row.name: np.uint64(start + row * stride_of(1, grid.lanes)) for row in SlabRow}
+
+
+def buffer_size(grid: AssemblyGrid) -> int:
+    """Numbers in the one buffer of an assembly."""
+    return int(slab_offsets(grid)["REST"]) + len(SlabRow) * stride_of(1, grid.lanes)
+
+
+def pressure_kernels(grid: AssemblyGrid, sliding: bool):
+    """Compile volumes, pressure and projection of the slabs.
+
+    Parameters
+    ----------
+    grid : AssemblyGrid
+    sliding : bool
+        Whether the first ring is free and the muscles' first nodes slide in their plane; otherwise both are held and the first slab has
+        no pressure.
+
+    Returns
+    -------
+    measure, press, project : compiled functions
+        Of the buffer: volumes and pressures; forces on ring nodes and loads on the muscles' axes; the correction of the velocities.
+    """
+    o, g, t = family_offsets(grid, False), family_offsets(grid, True), slab_offsets(grid)
+    L, nodes, straight, last = np.uint64(grid.lanes), grid.ring_nodes, np.uint64(grid.straight_rods), np.uint64(grid.rings + 1)
+    A1, A2, A3, E1, E2, E3, REST, BULK, VOLUME, PRESSURE = (
+        t[k] for k in ("A1", "A2", "A3", "E1", "E2", "E3", "REST", "BULK", "VOLUME", "PRESSURE")
+    )
+    WEIGHT, RATE, SCALE, COUPLING, IMPULSE, COMPLIANCE = (t[k] for k in "WEIGHT RATE SCALE COUPLING IMPULSE COMPLIANCE".split())
+    RX1, RX2, RX3, RV1, RV2, RV3, RF1, RF2, RF3 = (g[f"{f}{i}"] for f in "XVF" for i in (1, 2, 3))
+    X1, X2, X3, V1, V2, V3, N1, N2, N3 = (o[f"{f}{i}"] for f in "XVN" for i in (1, 2, 3))
+    SECTION, MOBILITY, RING_MOBILITY, YIELD = o["SECTION"], o["NODE_MOBILITY"], g["NODE_MOBILITY"], g["YIELD"]
+    hoop = (2 - 2 * cos(tau / nodes)) / nodes
+    begin = ONE if sliding else ONE + ONE
+
+    @kernel(inline="always")
+    def beside(node):
+        # Slots of the nodes before and after.
+        return np.uint64(node - 1 if node > 1 else nodes) * L, np.uint64(node + 1 if node < nodes else 1) * L
+
+    @kernel
+    def measure(b):
+        for row in (A1, A2, A3, E1, E2, E3):
+            for i in range(L):
+                b[row + i] = 0.0
+        for node in range(1, nodes + 1):
+            here, after = np.uint64(node) * L, beside(node)[1]
+            for i in range(L):
+                k, q = here + i, after + i
+                x1, x2, x3, y1, y2, y3 = b[RX1 + q], b[RX2 + q], b[RX3 + q], b[RX1 + k], b[RX2 + k], b[RX3 + k]
+                b[A1 + i] += 0.5 * (x2 * y3 - x3 * y2)
+                b[A2 + i] += 0.5 * (x3 * y1 - x1 * y3)
+                b[A3 + i] += 0.5 * (x1 * y2 - x2 * y1)
+        for rod in range(ONE, straight):
+            for i in range(ONE, last):
+                k = rod * L + i
+                share = b[SECTION + k]
+                b[E1 + i] += share * (b[X1 + k + ONE] - b[X1 + k])
+                b[E2 + i] += share * (b[X2 + k + ONE] - b[X2 + k])
+                b[E3 + i] += share * (b[X3 + k + ONE] - b[X3 + k])
+        for i in range(ONE, last):
+            volume = b[A1 + i] * b[E1 + i] + b[A2 + i] * b[E2 + i] + b[A3 + i] * b[E3 + i]
+            b[VOLUME + i] = volume
+            b[PRESSURE + i] = b[BULK + i] * (1 - volume / b[REST + i])
+
+    @kernel
+    def press(b):
+        for node in range(1, nodes + 1):
+            here, (before, after) = np.uint64(node) * L, beside(node)
+            for i in range(ONE, last):
+                k, p, q, half = here + i, before + i, after + i, 0.5 * b[PRESSURE + i]
+                d1, d2, d3 = half * (b[RX1 + q] - b[RX1 + p]), half * (b[RX2 + q] - b[RX2 + p]), half * (b[RX3 + q] - b[RX3 + p])
+                e1, e2, e3 = b[E1 + i], b[E2 + i], b[E3 + i]
+                b[RF1 + k] += e2 * d3 - e3 * d2
+                b[RF2 + k] += e3 * d1 - e1 * d3
+                b[RF3 + k] += e1 * d2 - e2 * d1
+        for rod in range(ONE, straight):
+            for i in range(ONE, last):
+                k = rod * L + i
+                load = b[SECTION + k] * b[PRESSURE + i]
+                b[N1 + k] -= load * b[A1 + i]
+                b[N2 + k] -= load * b[A2 + i]
+                b[N3 + k] -= load * b[A3 + i]
+
+    @kernel
+    def solve(b):
+        for i in range(begin):
+            b[SCALE + i], b[COUPLING + i], b[IMPULSE + i] = 0.0, 0.0, 0.0
+        b[COUPLING + last - ONE], b[IMPULSE + last] = 0.0, 0.0
+        for i in range(begin, last):
+            coupling = b[COUPLING + i - ONE]
+            scale = 1 / (b[COMPLIANCE + i] + b[SCALE + i] - coupling * coupling * b[SCALE + i - ONE])
+            b[SCALE + i] = scale
+            b[IMPULSE + i] = -scale * (b[RATE + i] + coupling * b[IMPULSE + i - ONE])
+        i = last - ONE
+        while i >= begin:
+            b[IMPULSE + i] -= b[SCALE + i] * b[COUPLING + i] * b[IMPULSE + i + ONE]
+            i -= ONE
+
+    @kernel
+    def project(b):
+        for row in (RATE, SCALE, COUPLING, WEIGHT):
+            for i in range(L):
+                b[row + i] = 0.0
+        for node in range(1, nodes + 1):
+            here = np.uint64(node) * L
+            for i in range(ONE, last):
+                b[WEIGHT + i] += 1 / b[YIELD + here + i]
+        for i in range(ONE, last):
+            b[WEIGHT + i] = 1 / (1 + hoop * b[RING_MOBILITY + L + i] * b[WEIGHT + i])
+        for node in range(1, nodes + 1):
+            here, (before, after) = np.uint64(node) * L, beside(node)
+            for i in range(ONE, last):
+                k, p, q = here + i, before + i, after + i
+                d1, d2, d3 = 0.5 * (b[RX1 + q] - b[RX1 + p]), 0.5 * (b[RX2 + q] - b[RX2 + p]), 0.5 * (b[RX3 + q] - b[RX3 + p])
+                e1, e2, e3 = b[E1 + i], b[E2 + i], b[E3 + i]
+                g1, g2, g3 = e2 * d3 - e3 * d2, e3 * d1 - e1 * d3, e1 * d2 - e2 * d1
+                b[RATE + i] += g1 * b[RV1 + k] + g2 * b[RV2 + k] + g3 * b[RV3 + k]
+                b[SCALE + i] += b[WEIGHT + i] * b[RING_MOBILITY + k] * (g1 * g1 + g2 * g2 + g3 * g3)
+        for rod in range(ONE, straight):
+            for i in range(ONE, last):
+                k = rod * L + i
+                n = k + ONE
+                share, a1, a2, a3 = b[SECTION + k], b[A1 + i], b[A2 + i], b[A3 + i]
+                low = 0.0 if sliding and i == ONE else b[MOBILITY + k]
+                b[RATE + i] += share * (a1 * (b[V1 + n] - b[V1 + k]) + a2 * (b[V2 + n] - b[V2 + k]) + a3 * (b[V3 + n] - b[V3 + k]))
+                b[SCALE + i] += share * share * (low + b[MOBILITY + n]) * (a1 * a1 + a2 * a2 + a3 * a3)
+                across = a1 * b[A1 + i + ONE] + a2 * b[A2 + i + ONE] + a3 * b[A3 + i + ONE]
+                b[COUPLING + i] -= share * b[SECTION + n] * b[MOBILITY + n] * across
+        solve(b)
+        for node in range(1, nodes + 1):
+            here, (before, after) = np.uint64(node) * L, beside(node)
+            for i in range(ONE, last):
+                k, p, q = here + i, before + i, after + i
+                half = 0.5 * b[IMPULSE + i] * b[WEIGHT + i] * b[RING_MOBILITY + k]
+                d1, d2, d3 = half * (b[RX1 + q] - b[RX1 + p]), half * (b[RX2 + q] - b[RX2 + p]), half * (b[RX3 + q] - b[RX3 + p])
+                e1, e2, e3 = b[E1 + i], b[E2 + i], b[E3 + i]
+                b[RV1 + k] += e2 * d3 - e3 * d2
+                b[RV2 + k] += e3 * d1 - e1 * d3
+                b[RV3 + k] += e1 * d2 - e2 * d1
+        for rod in range(ONE, straight):
+            for i in range(ONE, last + ONE):
+                k, p = rod * L + i, i - ONE
+                mobility = 0.0 if sliding and i == ONE else b[MOBILITY + k]
+                here, before = mobility * b[SECTION + k] * b[IMPULSE + i], mobility * b[SECTION + k - ONE] * b[IMPULSE + p]
+                b[V1 + k] += before * b[A1 + p] - here * b[A1 + i]
+                b[V2 + k] += before * b[A2 + p] - here * b[A2 + i]
+                b[V3 + k] += before * b[A3 + p] - here * b[A3 + i]
+
+    return measure, press, project

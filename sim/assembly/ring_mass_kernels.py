@@ -1,0 +1,75 @@
+"""Selective mass of the rings: what a step changes in their velocities, smoothed round each ring.
+
+The short elements at the tip carry the tension of a thick ring, and as strings they would need a third of the step. Mass is added to the
+differences of neighbouring nodes only, 1/2 beta m sum |v_q+1 - v_q|^2: with v* the velocity after all forces and axial solves, and D v_old
+what linear damping leaves of the old one,
+
+    v = D v_old + (1 + beta L)^-1 (v* - D v_old),     L v = 2 v_q - v_q-1 - v_q+1
+
+Translation feels nothing of it, and momentum stays. The inverse is two recursions in turn, with r + 1/r = 2 + 1/beta,
+
+    (1 + beta L)^-1 = (1 - r)^2 (1 - r T)^-1 (1 - r T^-1)^-1,     T the shift by one node
+
+each closed round the ring with 1 / (1 - r^n). It has to come after the axial solves: forces smoothed before would leave the explicit part
+of the viscous tension and its implicit correction at different places.
+"""
+
+import numpy as np
+
+from ..body.grid import AssemblyGrid
+from ..compiler import kernel
+from .family_kernels import family_offsets
+from .pressure_kernels import slab_offsets
+
+ONE = np.uint64(1)
+
+
+def ring_mass_kernels(grid: AssemblyGrid):
+    """Compile ``keep(buffer)``, to be called before the kick of the ring nodes, and ``smooth(buffer)``.
+
+    What damping leaves of the old velocities is kept in the rows MMINUS of the rings, which must have served their spin by then.
+    """
+    g, t = family_offsets(grid, True), slab_offsets(grid)
+    L, nodes = np.uint64(grid.lanes), np.uint64(grid.ring_nodes)
+    rows, kept = (tuple(g[f"{f}{i}"] for i in (1, 2, 3)) for f in ("V", "MMINUS"))
+    DECAY, ROOT, UNROOT, GAIN, POWER, CLOSURE = g["NODE_DECAY"], *(t[k] for k in ("ROOT", "UNROOT", "GAIN", "POWER", "CLOSURE"))
+    UP, DOWN, WRAP = t["UP"], t["DOWN"], t["WRAP"]
+
+    @kernel
+    def keep(b):
+        for row in range(3):
+            for k in range(L, (nodes + ONE) * L):
+                b[kept[row] + k] = b[DECAY + k] * b[rows[row] + k]
+
+    @kernel
+    def smooth(b):
+        for row in range(3):
+            v, old = rows[row], kept[row]
+            for i in range(L):
+                b[UP + i], b[DOWN + i] = 0.0, 0.0
+            # Up: y_q = x_q + r y_q-1, from nothing; what came before the first node is r^q times the last of the whole circle.
+            for node in range(ONE, nodes + ONE):
+                for i in range(L):
+                    k = node * L + i
+                    y = b[v + k] - b[old + k] + b[ROOT + i] * b[UP + i]
+                    b[UP + i], b[v + k] = y, y
+            for i in range(L):
+                b[WRAP + i] = b[POWER + i] * b[CLOSURE + i] * b[UP + i]
+            # Down: z_q = y_q + r z_q+1 in the same way; WRAP runs from r^n to r.
+            node = nodes
+            while node >= ONE:
+                for i in range(L):
+                    k = node * L + i
+                    z = b[v + k] + b[WRAP + i] + b[ROOT + i] * b[DOWN + i]
+                    b[DOWN + i], b[v + k] = z, z
+                    b[WRAP + i] *= b[UNROOT + i]
+                node -= ONE
+            for i in range(L):
+                b[WRAP + i] = b[POWER + i] * b[CLOSURE + i] * b[DOWN + i]
+            for node in range(ONE, nodes + ONE):
+                for i in range(L):
+                    k = node * L + i
+                    b[v + k] = b[old + k] + b[GAIN + i] * (b[v + k] + b[WRAP + i])
+                    b[WRAP + i] *= b[UNROOT + i]
+
+    return keep, smooth

@@ -1,0 +1,202 @@
+"""What the connections at the longitudinal muscles (the spokes) have in common in all laws: copies, contacts beside the spokes, sums.
+
+All connections of a cross-section are computed lane by lane (one lane per ring and longitudinal element) from copies of the nodes in
+the spokes' buffer, so that every loop runs over consecutive numbers; results go to rows of their own and are summed afterwards.
+
+Contacts are softened for the step, f = k p^1.5 / sqrt(1 + s^2) with s = 3/4 h^2 k p^0.5 (1/m_1 + 1/m_2), so that no stiffness exceeds a
+third of what the step can carry, while the error is of order h^4.
+"""
+
+from math import pi
+
+import numpy as np
+
+from ..body.grid import AssemblyGrid
+from ..compiler import kernel
+from .family_kernels import family_offsets
+from .layout import AssemblyRow, SpokeRow, stride_of
+
+ONE = np.uint64(1)
+
+
+def spoke_offsets(grid: AssemblyGrid) -> dict[str, np.uint64]:
+    """Unsigned offsets of the spokes' rows in the one buffer."""
+    start = len(AssemblyRow) * (stride_of(grid.open_slots, grid.lanes) + stride_of(grid.ring_slots, grid.lanes))
+    stride = stride_of(grid.spoke_slots, grid.lanes)
+    return {row.name: np.uint64(start + row * stride) for row in SpokeRow}
+
+
+def gather_kernel(grid: AssemblyGrid, ring_radius: str):
+    """Compile the copying of what the spokes need, with the directions of the cord's connections and a row of the rings' radii."""
+    o, g, s = family_offsets(grid, False), family_offsets(grid, True), spoke_offsets(grid)
+    width = np.uint64(grid.lanes)
+    slots, first, spokes, pitch, ring_nodes = grid.spoke_slots, grid.first_spoke, grid.spokes, grid.spoke_pitch, grid.ring_nodes
+    behind = first + spokes
+    ring_from = tuple(g[name] for name in ("X1", "X2", "X3", ring_radius))
+    ring_to = tuple(s[name] for name in ("S1", "S2", "S3", "RING_RADIUS"))
+    names = ("Q11", "Q12", "Q13", "Q21", "Q22", "Q23", "Q31", "Q32", "Q33", "RADIUS")
+    rod_from, rod_to = tuple(o[name] for name in names), tuple(s[name] for name in names)
+    X, D, M, A = (tuple(table[f"{f}{i}"] for i in (1, 2, 3)) for table, f in ((o, "X"), (s, "D"), (s, "M"), (s, "A")))
+    STRETCH, UNROOT, RADIUS, CORD_RADIUS, CORD_UNROOT = o["STRETCH"], s["UNROOT"], o["RADIUS"], s["CORD_RADIUS"], s["CORD_UNROOT"]
+    U = tuple(s[f"U{i}"] for i in (1, 2, 3))
+    CU1, CU2, CU3 = (s[f"CU1{i}"] for i in (1, 2, 3))
+    Q = tuple(tuple(o[f"Q{j}{i}"] for j in (1, 2, 3)) for i in (1, 2, 3))
+
+    @kernel
+    def copy(b, source, target):
+        for i in range(width):
+            b[target + i] = b[source + i]
+
+    @kernel
+    def gather(b):
+        for slot in range(slots):
+            node = np.uint64((pitch * (slot - first)) % ring_nodes + 1)
+            for row in range(4):
+                copy(b, ring_from[row] + node * width, ring_to[row] + np.uint64(slot) * width)
+        for slot in range(first, behind + 1):
+            rod, here = np.uint64((slot - first) % spokes + 1) * width, np.uint64(slot) * width
+            for row in range(10):
+                copy(b, rod_from[row] + rod, rod_to[row] + here)
+            for row in range(3):
+                for i in range(width):
+                    start, end = b[X[row] + rod + i], b[X[row] + rod + i + ONE]
+                    b[D[row] + here + i] = end - start
+                    b[M[row] + here + i] = 0.5 * (end + start)
+            for i in range(width):
+                b[UNROOT + here + i] = 1 / np.sqrt(b[STRETCH + rod + i])
+        for slot in range(first, behind):
+            here = np.uint64(slot) * width
+            for row in range(3):
+                for i in range(width):
+                    b[A[row] + here + i] = 0.5 * (b[X[row] + i] + b[X[row] + i + ONE])
+                q1, q2, q3 = Q[row]
+                for i in range(width):
+                    b[U[row] + here + i] = b[q1 + i] * b[CU1 + here + i] + b[q2 + i] * b[CU2 + here + i] + b[q3 + i] * b[CU3 + here + i]
+            copy(b, RADIUS, CORD_RADIUS + here)
+            for i in range(width):
+                b[CORD_UNROOT + here + i] = 1 / np.sqrt(b[STRETCH + i])
+
+    return gather
+
+
+def beside_kernel(grid: AssemblyGrid, published: bool):
+    """Compile ``beside(buffer)``: contact of muscles with the ring nodes between the spokes.
+
+    The published law takes the ring's present radius and keeps books of the forces; the other one loads the muscle's axis.
+    """
+    g, s = family_offsets(grid, True), spoke_offsets(grid)
+    L, last = np.uint64(grid.lanes), np.uint64(grid.rings + 1)
+    spokes, pitch, ring_nodes, slot = grid.spokes, grid.spoke_pitch, grid.ring_nodes, grid.first_spoke
+    X1, X2, X3, RF1, RF2, RF3, THICK = (g[k] for k in ("X1", "X2", "X3", "F1", "F2", "F3", "RADIUS" if published else "REST_RADIUS"))
+    M1, M2, M3, RADIUS, R_CONTACT, R_EFFECTIVE = (s[k] for k in ("M1", "M2", "M3", "RADIUS", "R_CONTACT", "R_EFFECTIVE"))
+    F1, F2, F3, SUM, G1, G2, G3 = (s[k] for k in ("F1", "F2", "F3", "SUM", "G1", "G2", "G3"))
+
+    @kernel
+    def touching(b, muscle, ring):
+        count = 0
+        for i in range(ONE, last):
+            d1, d2, d3 = b[X1 + ring + i] - b[M1 + muscle + i], b[X2 + ring + i] - b[M2 + muscle + i], b[X3 + ring + i] - b[M3 + muscle + i]
+            reach = b[THICK + ring + i] + b[RADIUS + muscle + i]
+            count += d1 * d1 + d2 * d2 + d3 * d3 < reach * reach
+        return count
+
+    @kernel
+    def beside(b):
+        for m in range(spokes):
+            muscle = np.uint64(m + slot) * L
+            for away in range(1 - pitch, pitch):
+                ring = np.uint64((pitch * m + away) % ring_nodes + 1) * L
+                if away == 0 or touching(b, muscle, ring) == 0:
+                    continue
+                for i in range(ONE, last):
+                    k, r = muscle + i, ring + i
+                    d1, d2, d3 = b[X1 + r] - b[M1 + k], b[X2 + r] - b[M2 + k], b[X3 + r] - b[M3 + k]
+                    distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
+                    overlap = b[THICK + r] + b[RADIUS + k] - distance
+                    if overlap > 0:
+                        push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / (1 + b[R_EFFECTIVE + k] * overlap))
+                        d1, d2, d3 = d1 * push / distance, d2 * push / distance, d3 * push / distance
+                        b[RF1 + r] += d1
+                        b[RF2 + r] += d2
+                        b[RF3 + r] += d3
+                        b[F1 + k] -= d1
+                        b[F2 + k] -= d2
+                        b[F3 + k] -= d3
+                        if published:
+                            b[SUM + k] -= push
+                            b[G1 + k] -= d1
+                            b[G2 + k] -= d2
+                            b[G3 + k] -= d3
+                        else:
+                            b[SUM + k] -= push * b[RADIUS + k]
+
+    return beside
+
+
+def collect_kernel(grid: AssemblyGrid, results: tuple[str, ...]):
+    """Compile ``collect(buffer)``, which sums rows of `results` over the partners of a muscle, and of the cord into the slot before.
+
+    Results on the neighbour of the last muscle belong to the first.
+    """
+    s = spoke_offsets(grid)
+    L, spokes, slot = np.uint64(grid.lanes), grid.spokes, grid.first_spoke
+    first, seam = np.uint64(slot * grid.lanes), np.uint64((slot + spokes) * grid.lanes)
+    own, other, of_cord = (tuple(s[f"{k}{suffix}"] for k in results) for suffix in ("", "_N", "_C"))
+    rows = len(results)
+
+    @kernel
+    def collect(b):
+        for row in range(rows):
+            for i in range(L):
+                b[own[row] + first + i] += b[other[row] + seam + i]
+            for k in range(first + L, seam):
+                b[own[row] + k] += b[other[row] + k]
+            for i in range(L):
+                total = 0.0
+                for m in range(np.uint64(spokes)):
+                    total += b[of_cord[row] + first + m * L + i]
+                b[own[row] + first - L + i] = total
+
+    return collect
+
+
+def share_kernel(grid: AssemblyGrid):
+    """Compile ``share(buffer, normal, tangential)``: forces on elements of cord and muscles, and the water's, half to either node.
+
+    The drags are in kg/m^3; the cord is dry.
+    """
+    o, s = family_offsets(grid, False), spoke_offsets(grid)
+    L, last, straight = np.uint64(grid.lanes), np.uint64(grid.rings + 1), np.uint64(grid.straight_rods)
+    first = np.uint64(grid.first_spoke * grid.lanes)
+    V1, V2, V3, D1, D2, D3 = (o[f"{f}{i}"] for f in "VT" for i in (1, 2, 3))
+    LF1, LF2, LF3, LC1, LC2, LC3, LRADIUS, STRETCH, LENGTH = (
+        o[k] for k in ("F1", "F2", "F3", "C1", "C2", "C3", "RADIUS", "STRETCH", "LENGTH")
+    )
+    E1, E2, E3 = o["SCALE"], o["IMPULSE"], o["CORRECTION"]
+    F1, F2, F3, T1, T2, T3 = (s[k] for k in ("F1", "F2", "F3", "T1", "T2", "T3"))
+
+    @kernel
+    def share(b, normal_drag, tangent_drag):
+        for k in range(L * straight):
+            n = k + first - L
+            radius, length = b[LRADIUS + k], b[STRETCH + k] * b[LENGTH + k]
+            t1, t2, t3 = b[D1 + k], b[D2 + k], b[D3 + k]
+            wet = 1.0 if k >= L else 0.0
+            v1, v2, v3 = 0.5 * (b[V1 + k] + b[V1 + k + ONE]), 0.5 * (b[V2 + k] + b[V2 + k + ONE]), 0.5 * (b[V3 + k] + b[V3 + k + ONE])
+            along = v1 * t1 + v2 * t2 + v3 * t3
+            h1, h2, h3 = v1 - along * t1, v2 - along * t2, v3 - along * t3
+            across = wet * normal_drag * radius * length * np.sqrt(h1 * h1 + h2 * h2 + h3 * h3)
+            slide = wet * pi * tangent_drag * radius * length * abs(along) * along
+            b[E1 + k] = 0.5 * (b[F1 + n] - across * h1 - slide * t1)
+            b[E2 + k] = 0.5 * (b[F2 + n] - across * h2 - slide * t2)
+            b[E3 + k] = 0.5 * (b[F3 + n] - across * h3 - slide * t3)
+            b[LC1 + k], b[LC2 + k], b[LC3 + k] = b[T1 + n], b[T2 + n], b[T3 + n]
+        for rod in range(straight):
+            base = rod * L
+            b[E1 + base], b[E2 + base], b[E3 + base] = 0.0, 0.0, 0.0
+            n = base + last
+            b[E1 + n], b[E2 + n], b[E3 + n] = 0.0, 0.0, 0.0
+            for k in range(base + ONE, n + ONE):
+                b[LF1 + k], b[LF2 + k], b[LF3 + k] = b[E1 + k] + b[E1 + k - ONE], b[E2 + k] + b[E2 + k - ONE], b[E3 + k] + b[E3 + k - ONE]
+
+    return share
