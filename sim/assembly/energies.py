@@ -3,6 +3,8 @@
 For books of the energy and for tests. Positions and frames may be complex, so that an imaginary step gives derivatives.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +14,8 @@ from .constants import ring_connections, slab_volumes, straight_connections
 from .geometry import AssemblyGeometry
 from .layout import AssemblyRow, CrossingRow, SpokeRow
 
-Numbers = NDArray[np.float64] | NDArray[np.complex128]
+Numbers = NDArray[Any]
+Energy = complex
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(40)
 
 
@@ -71,7 +74,7 @@ class Connections:
         self.outward, self.hinge = np.swapaxes(_unit(across), 0, 1), np.swapaxes(_unit(along), 0, 1)
         self.spoke = np.swapaxes(rings[:, self.q], 0, 1)
 
-    def sides(self) -> Numbers:
+    def sides(self) -> Energy:
         """Cord to muscles and muscles to neighbours, J."""
         sides = straight_connections(self.arm, self.geometry)
         first, second, half = sides.first, sides.second, sides.gap / 2
@@ -86,7 +89,7 @@ class Connections:
         touching = np.where(overlap.real > 0, overlap, 0)
         return spring + np.sum(0.4 * sides.contact * touching**2 * np.sqrt(touching))
 
-    def ring_connections(self) -> Numbers:
+    def ring_connections(self) -> Energy:
         """Rings to muscles with their locks and own contact, and rings to rings, J."""
         joints, effective = ring_connections(self.arm, self.geometry), self.rods.spoke(SpokeRow.R_EFFECTIVE)
         muscle, edge = self.centre[1:], self.edge[1:]
@@ -102,7 +105,7 @@ class Connections:
         slip = np.sum(apart * (self.hinge[:, 1:] + self.hinge[:, :-1]) / 2, axis=-1)
         return energy + np.sum(0.5 * joints.ring_spring * slip**2)
 
-    def contacts(self) -> Numbers:
+    def contacts(self) -> Energy:
         """Muscles with the ring nodes beside their spokes, J."""
         joints, effective, energy = ring_connections(self.arm, self.geometry), self.rods.spoke(SpokeRow.R_EFFECTIVE), 0.0
         for m in range(self.muscles):
@@ -112,7 +115,7 @@ class Connections:
                 energy += contact_energy(joints.muscle_contact, overlap, effective[m]).sum()
         return energy
 
-    def crossings(self) -> Numbers:
+    def crossings(self) -> Energy:
         """Rings to helices, J."""
         joints, grid, energy = ring_connections(self.arm, self.geometry), self.grid, 0.0
         every, effective = np.arange(grid.rings), self.rods.crossing(CrossingRow.EFFECTIVE)
@@ -131,11 +134,11 @@ class Connections:
                     for half in (0, grid.ring_nodes // 2)
                 )
                 met, outward = (near + far) / 2 + arc * (near - far) / 2, _unit(near - far)
-                pairs = ()
+                pairs = []
             else:
                 met = self.rings[every, nodes]
                 outward = _unit(met - self.rings[every, (nodes + grid.ring_nodes // 2) % grid.ring_nodes])
-                pairs = ((side, 1), (side, 2), (-side, -1), (-side, -2))
+                pairs = [(side, 1), (side, 2), (-side, -1), (-side, -2)]
             reach, helix = self.thick + fibre[j, h], self.oblique[j, h]
             gap = met + reach[:, None] * outward - helix
             energy += np.sum(0.5 * joints.oblique_spring * np.sum(gap**2, axis=-1))
@@ -155,7 +158,7 @@ class Connections:
         vector = np.cross(np.roll(self.rings, -1, axis=1), self.rings).sum(axis=1) / 2
         return np.sum(vector * np.einsum("rn,rnk->nk", area / area.sum(axis=0), self.edge[1:]), axis=1)
 
-    def pressure(self) -> Numbers:
+    def pressure(self) -> Energy:
         """Slabs, J; the first one has none where its ring is held."""
         rest, bulk = slab_volumes(self.geometry), np.full(self.grid.rings, self.arm.anatomy.bulk_modulus)
         if not self.arm.anatomy.traits.sliding:
