@@ -7,43 +7,46 @@ see the same activation. The formulas take the module they calculate with (`nump
 
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from .body.layout import OCTOPUS_MUSCLES, MuscleLayout
 from .errors import OctoctrlError, check_choice, check_number
+
+Floats = NDArray[np.float64]
 
 COMPOSITIONS = ("override", "max", "add")
 WRITE_THRESHOLD = 2e-3
 """Values of a wave below this are not written when templates override each other (Tekinalp et al. 2024, released programmes)."""
 
 
-def raised_cosine(math, time, onset, duration):
+def raised_cosine(math: Any, time: Any, onset: Any, duration: Any) -> Any:
     """Smooth step from 0 to 1 between `onset` and `onset + duration`."""
     progress = math.fmin(math.fmax((time - onset) / duration, 0.0), 1.0)
     return 0.5 * (1 - math.cos(np.pi * progress))
 
 
-def plateau(math, time, onset, rise, offset, fall):
+def plateau(math: Any, time: Any, onset: Any, rise: Any, offset: Any, fall: Any) -> Any:
     """Raised-cosine rise from `onset`, 1 in between, raised-cosine fall from `offset`."""
     up = raised_cosine(math, time, onset, rise)
     return up if _never(offset) else up * (1 - raised_cosine(math, time, offset, fall))
 
 
-def front_coverage(math, position, width, lower, upper):
+def front_coverage(math: Any, position: Any, width: Any, lower: Any, upper: Any) -> Any:
     """Mean over the cell [lower, upper] of the front (1 + tanh((position - s) / width)) / 2."""
     behind = _log_cosh(math, (position - lower) / width) - _log_cosh(math, (position - upper) / width)
     return 0.5 + 0.5 * width * behind / (upper - lower)
 
 
-def window_coverage(lower, upper, window):
+def window_coverage(lower: Any, upper: Any, window: tuple[float, float]) -> Any:
     """Share of each cell [lower, upper] that lies inside `window`."""
     inside = np.minimum(upper, window[1]) - np.maximum(lower, window[0])
     return np.maximum(inside, 0.0) / (upper - lower)
 
 
-def _log_cosh(math, x):
+def _log_cosh(math: Any, x: Any) -> Any:
     size = math.fabs(x)
     return size + math.log1p(math.exp(-2 * size)) - np.log(2.0)
 
@@ -74,22 +77,22 @@ class Plateau:
     fall: float = 0.5
     window: tuple[float, float] = (0.0, inf)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _check_template(self)
         if _is_number(self.rise):
             check_number("rise", self.rise, above=0.0, unit="s")
         if _is_number(self.fall):
             check_number("fall", self.fall, above=0.0, unit="s")
 
-    def values(self, math, time, lower, upper):
+    def values(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
         return self.level * plateau(math, time, self.onset, self.rise, self.offset, self.fall)
 
-    def coverage(self, lower, upper):
+    def coverage(self, lower: Any, upper: Any) -> Any:
         """Share of each cell in which the template acts."""
         return window_coverage(lower, upper, self.window)
 
-    def wrote(self, math, value):
+    def wrote(self, math: Any, value: Any) -> Any:
         """Where the template overrides what was composed before it."""
         return value > 0.0
 
@@ -123,7 +126,7 @@ class Wave:
     end_level: float = 0.0
     window: tuple[float, float] = (0.0, inf)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _check_template(self)
         if _is_number(self.speed):
             check_number("speed", self.speed, above=0.0, unit="m/s")
@@ -132,7 +135,7 @@ class Wave:
         if _is_number(self.end_level):
             check_number("end_level", self.end_level, at_least=0.0, at_most=1.0)
 
-    def values(self, math, time, lower, upper):
+    def values(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
         start = self.window[0]
         first = front_coverage(math, start + self.speed * (time - self.onset), self.width, lower, upper)
@@ -142,11 +145,11 @@ class Wave:
         second = front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
         return value - (self.level - self.end_level) * second
 
-    def coverage(self, lower, upper):
+    def coverage(self, lower: Any, upper: Any) -> Any:
         """Share of each cell in which the template acts."""
         return window_coverage(lower, upper, self.window)
 
-    def wrote(self, math, value):
+    def wrote(self, math: Any, value: Any) -> Any:
         """Where the template overrides what was composed before it."""
         return value > WRITE_THRESHOLD
 
@@ -179,7 +182,7 @@ class Activation:
     on_saturation: str = "error"
     layout: MuscleLayout = field(default=OCTOPUS_MUSCLES, repr=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for template in self.templates:
             for group in template.groups:
                 check_choice("muscle group", group, self.layout.names)
@@ -187,12 +190,12 @@ class Activation:
         check_choice("on_saturation", self.on_saturation, ("error", "clip"))
 
     @property
-    def groups(self):
+    def groups(self) -> tuple[str, ...]:
         """The muscle groups that are ever activated, in the order of the layout."""
         used = {group for template in self.templates for group in template.groups}
         return tuple(group for group in self.layout.names if group in used)
 
-    def compose(self, math, group, time, lower, upper, known=None):
+    def compose(self, math: Any, group: str, time: Any, lower: Any, upper: Any, known: dict[int, tuple[Any, Any]] | None = None) -> Any:
         """Mean activation of `group` in the cells [lower, upper] at `time`, with the module `math`; not checked for saturation.
 
         A dict `known` keeps what the groups of a template share.
@@ -214,7 +217,7 @@ class Activation:
                 total = where(template.wrote(math, value), coverage * value + (1 - coverage) * total, total)
         return total
 
-    def levels(self, times, edges):
+    def levels(self, times: ArrayLike, edges: ArrayLike) -> Floats:
         """Cell averages of every group.
 
         Parameters
@@ -233,14 +236,15 @@ class Activation:
             If a level leaves [0, 1] and `on_saturation` is ``"error"``.
         """
         times, edges = np.asarray(times, dtype=float), np.asarray(edges, dtype=float)
-        levels, known = np.zeros((times.size, len(self.layout), edges.size - 1)), {}
+        levels = np.zeros((times.size, len(self.layout), edges.size - 1))
+        known: dict[int, tuple[Any, Any]] = {}
         for group in self.groups:
             levels[:, self.layout.index(group)] = self.compose(np, group, times[:, None], edges[:-1], edges[1:], known)
         if levels.max(initial=0.0) > 1 + 1e-12 and self.on_saturation == "error":
             self._raise_saturated(levels, times, edges)
         return np.clip(levels, 0.0, 1.0, out=levels)
 
-    def _raise_saturated(self, levels, times, edges):
+    def _raise_saturated(self, levels: Floats, times: Floats, edges: Floats) -> NoReturn:
         k, g, i = np.unravel_index(np.argmax(levels), levels.shape)
         group, middle = self.layout.names[g], (edges[i] + edges[i + 1]) / 2
         parts = [
@@ -254,7 +258,7 @@ class Activation:
         )
 
 
-def _check_template(template):
+def _check_template(template: "Template") -> None:
     if not template.groups:
         raise OctoctrlError(f"{type(template).__name__}: no muscle groups given ({', '.join(OCTOPUS_MUSCLES.names)})")
     if _is_number(template.level):
@@ -283,10 +287,10 @@ def check_window(owner: str, window: Any) -> None:
         raise OctoctrlError(f"{owner}: window {tuple(window)} m: the begin must lie before the end")
 
 
-def _never(offset):
+def _never(offset: object) -> bool:
     return isinstance(offset, float) and offset == inf
 
 
-def _is_number(value):
+def _is_number(value: object) -> bool:
     # Planner variables are CasADi expressions; their bounds are the optimiser's business.
     return not hasattr(value, "is_symbolic")

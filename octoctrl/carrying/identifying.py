@@ -1,6 +1,8 @@
 """Fit the reduced model of an arm to runs of its plant."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
@@ -8,13 +10,25 @@ from octoctrl.sim.plants import check_plant, make_plant, warmup
 from octoctrl.sim.scene.scene import Scene
 
 from ..files.writing import check_target, written_aside
-from ..progress import NullProgress
+from ..progress import NullProgress, Progress
+
+if TYPE_CHECKING:
+    from octoctrl.planners.fitting.identification import IdentifiedModel
 
 LEAST_RUN, LOST = 0.5, 0.2
 """Shortest stretch of a programme that is used, and the stretch before a divergence that is not, s."""
 
 
-def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, laws="known", progress=None):
+def identify(
+    arm: Arm | None = None,
+    scene: Scene | None = None,
+    *,
+    plant: str = "rod",
+    path: str | Path | None = None,
+    overwrite: bool = False,
+    laws: str = "known",
+    progress: Progress | None = None,
+) -> "IdentifiedModel":
     """Move the plant through a few short programmes and fit the reduced model to what it does.
 
     Parameters
@@ -59,9 +73,7 @@ def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, l
         for name, activation, duration in runs:
             moved = make_plant(plant, arm, scene)
             try:
-                recording = moved.advance(
-                    activation, duration, progress=lambda now, done=done, name=name: display.advance(done + now, name)
-                )
+                recording = moved.advance(activation, duration, progress=_after(done, name, display))
                 if not recording.complete:
                     raise KeyboardInterrupt
             except PlantUnstableError as error:
@@ -81,7 +93,12 @@ def identify(arm=None, scene=None, *, plant="rod", path=None, overwrite=False, l
     return found
 
 
-def load_model(model, arm, scene, plant="rod"):
+def _after(done: float, name: str, display: Progress) -> Callable[[float], None]:
+    """What shows the progress of the programme `name`, before which so many seconds were `done`."""
+    return lambda now: display.advance(done + now, name)
+
+
+def load_model(model: "str | Path | IdentifiedModel | None", arm: Arm, scene: Scene, plant: str = "rod") -> "IdentifiedModel":
     """The identified model that belongs to an arm.
 
     Parameters
@@ -110,17 +127,17 @@ def load_model(model, arm, scene, plant="rod"):
     if isinstance(model, str | Path):
         if not Path(model).is_file():
             raise OctoctrlError(f"{model} does not exist; make one with: octoctrl identify -o {Path(model).name}")
-        name, model = model, identification.IdentifiedModel.load(model, arm, scene)
+        name, loaded = str(model), identification.IdentifiedModel.load(model, arm, scene)
     else:
-        name = "the model"
-    if model.plant != plant:
+        name, loaded = "the model", model
+    if loaded.plant != plant:
         raise OctoctrlError(
-            f"{name} was identified on the plant '{model.plant}', the plan is for '{plant}'; plan for '{model.plant}' or identify again"
+            f"{name} was identified on the plant '{loaded.plant}', the plan is for '{plant}'; plan for '{loaded.plant}' or identify again"
         )
-    return model
+    return loaded
 
 
-def identification_text(found):
+def identification_text(found: "IdentifiedModel") -> str:
     """Write an identified model as a table.
 
     Parameters

@@ -1,14 +1,33 @@
 """From a task to a plan: finds the reduced model that belongs to the arm and lets the planner work."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from octoctrl.planners.asking.task import Task
+from octoctrl.planners.solving.plan import Plan
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.scene.scene import Scene
 
 from .. import tasks
 from ..files.configuration import Configuration
+from ..progress import Progress
+
+if TYPE_CHECKING:
+    from octoctrl.planners.fitting.identification import IdentifiedModel
 
 
-def plan(task, *, arm=None, scene=None, plant=None, model=None, time_limit=None, guess=None, progress=None, strict=False):
+def plan(
+    task: str | Path | Configuration | Task,
+    *,
+    arm: Arm | None = None,
+    scene: Scene | None = None,
+    plant: str | None = None,
+    model: "str | Path | IdentifiedModel | None" = None,
+    time_limit: float | None = None,
+    guess: Plan | None = None,
+    progress: Progress | None = None,
+    strict: bool = False,
+) -> Plan:
     """Plan a task on the reduced model of an arm.
 
     Parameters
@@ -62,7 +81,7 @@ def plan(task, *, arm=None, scene=None, plant=None, model=None, time_limit=None,
     return found.raise_if_failed() if strict else found
 
 
-def as_configuration(task):
+def as_configuration(task: str | Path | Configuration | Task) -> Configuration:
     """Make a configuration of a task's name, file or object.
 
     Parameters

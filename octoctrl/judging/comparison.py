@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.errors import OctoctrlError
@@ -12,6 +13,8 @@ from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..carrying.results import Execution, ExecutionStatus
 from ..tables import table
+
+Floats = NDArray[np.float64]
 
 QUANTITIES = ("lifted_link", "lifted_writhe", "twist")
 """What is compared: the smooth quantities, in turns."""
@@ -38,14 +41,14 @@ class Comparison(Record):
     """
 
     execution: Execution
-    time: np.ndarray
+    time: Floats
     planned: TopologyTrace
     simulated: TopologyTrace
-    errors: dict[str, np.ndarray]
-    tip_distance: np.ndarray
+    errors: dict[str, Floats]
+    tip_distance: Floats
     delays: dict[str, float]
 
-    def summary(self):
+    def summary(self) -> dict[str, float]:
         """Errors as numbers.
 
         Returns
@@ -61,11 +64,11 @@ class Comparison(Record):
         numbers["level_time"] = max(self.delays.values(), default=0.0)
         return numbers
 
-    def __str__(self):
+    def __str__(self) -> str:
         return comparison_text(self)
 
 
-def compare(execution, *, overlap=False):
+def compare(execution: Execution, *, overlap: bool = False) -> Comparison:
     """Put planned and simulated traces side by side.
 
     Parameters
@@ -102,7 +105,7 @@ def compare(execution, *, overlap=False):
     )
 
 
-def level_delays(execution):
+def level_delays(execution: Execution) -> dict[str, float]:
     """By how much the plant passes levels earlier or later than the plan, on the plan's clock.
 
     A level lies midway between the planned values at a phase's begin and end, where those differ by at least 0.2 turns.
@@ -116,7 +119,7 @@ def level_delays(execution):
     dict of str to float, s
         By ``"phase.quantity"``; infinite where the plant never passes.
     """
-    plan, delays = execution.plan, {}
+    plan, delays = execution.plan, dict[str, float]()
     begins = [*plan.phase_begins.values(), plan.schedule.duration]
     for quantity in ("lifted_writhe", "twist"):
         values = np.interp(begins, plan.trace.time, getattr(plan.trace, quantity))
@@ -133,7 +136,7 @@ def level_delays(execution):
     return delays
 
 
-def planned_points(plan: Plan, times):
+def planned_points(plan: Plan, times: Floats) -> Floats | None:
     """Where the plan has the arm.
 
     Parameters
@@ -154,38 +157,20 @@ def planned_points(plan: Plan, times):
     return plan.model.points(strains)
 
 
-def rms(values):
-    """Root mean square.
-
-    Parameters
-    ----------
-    values : array_like
-
-    Returns
-    -------
-    float
-    """
+def rms(values: ArrayLike) -> float:
+    """Root mean square of `values`."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _passages(trace, quantity, level, upward):
+def _passages(trace: TopologyTrace, quantity: str, level: float, upward: bool) -> Floats:
     """Times at which a quantity passes `level` in one direction, interpolated linearly."""
     values = (getattr(trace, quantity) - level) * (1 if upward else -1)
     index = np.flatnonzero((values[:-1] < 0) & (values[1:] >= 0))
     return trace.time[index] - values[index] * (trace.time[index + 1] - trace.time[index]) / (values[index + 1] - values[index])
 
 
-def comparison_text(comparison):
-    """Write the errors of a run against its plan as a table.
-
-    Parameters
-    ----------
-    comparison : Comparison
-
-    Returns
-    -------
-    str
-    """
+def comparison_text(comparison: Comparison) -> str:
+    """Write the errors of a run against its plan, a `comparison`, as a table."""
     numbers = comparison.summary()
     rows = [
         (name.replace("_", " "), f"{numbers[f'{name}_rms']:.4f} turns", f"{numbers[f'{name}_max']:.4f} turns") for name in comparison.errors

@@ -72,10 +72,10 @@ def powered(recording: Recording, arm: Arm, node_mass: Floats) -> str | None:
     _, longitudinal, ring, oblique = section.areas
     laws = dict.fromkeys(LONGITUDINAL_GROUPS, (arm.longitudinal, longitudinal))
     laws |= dict.fromkeys(("R-OM", "L-OM"), (arm.oblique, oblique * section.oblique_stretch)) | {"TM": (arm.transverse, ring)}
-    peak, available = recording.levels.max(axis=0), 0.0
+    peak, available = np.asarray(recording.levels).max(axis=0), 0.0
     for group, (law, area) in laws.items():
         stretches = np.linspace(*law.range, 200)
-        per_volume = law.maximum_stress * np.trapezoid(law.active_factor(stretches), stretches)
+        per_volume = law.maximum_stress * float(np.trapezoid(law.active_factor(stretches), stretches))
         available += per_volume * float(np.sum(peak[MUSCLE_GROUPS.index(group)] * area * np.diff(arm.edges)))
     return f"kinetic energy {kinetic:.2g} J exceeds the muscles' work {available:.2g} J" if kinetic > available + 1e-15 else None
 

@@ -12,14 +12,21 @@ References
 Featherstone (2008), *Rigid Body Dynamics Algorithms*, ch. 5: the same sums for inertia (recursive Newton-Euler).
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
+
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.scene.scene import Water
 
 from .drag_kernels import SLOWEST
 from .kinematics import BASE_FRAME, section_bounds
 from .outputs import exponential
+
+Floats = NDArray[np.float64]
 
 SLENDER = 3.5
 """Fine elements are half a section long; where that is more than so many radii, and bends are sharp, they are halved."""
@@ -28,23 +35,23 @@ SLENDER = 3.5
 class NodeDrag(NamedTuple):
     """Drag of the nodes, (M,) each, weights included: N s/m, N s^2/m^2, N m s (about d3; half of it about d1 and d2)."""
 
-    linear: np.ndarray
-    quadratic: np.ndarray
-    rotational: np.ndarray
+    linear: Floats
+    quadratic: Floats
+    rotational: Floats
 
 
 class Chain(NamedTuple):
     """Shape of the fine elements; lists of M expressions."""
 
-    turning: list
+    turning: list[ca.SX]
     """(3, 3) each: angular velocity per rate of k1, k2, k3."""
-    moving: list
+    moving: list[ca.SX]
     """(3, 4) each: velocity of the point at the base per rate of k1, k2, k3, e."""
-    points: list
-    tangents: list
+    points: list[ca.SX]
+    tangents: list[ca.SX]
 
 
-def element_edges(arm, sections):
+def element_edges(arm: Arm, sections: int) -> Floats:
     """Arclengths that bound the fine elements, (M + 1,), m; section centres and section bounds are among them."""
     bounds = section_bounds(arm, sections)
     halves = np.sort(np.concatenate([bounds, (bounds[1:] + bounds[:-1]) / 2]))
@@ -53,7 +60,7 @@ def element_edges(arm, sections):
     return np.sort(np.concatenate([halves, middles[slender]]))
 
 
-def node_drag(arm, water, edges):
+def node_drag(arm: Arm, water: Water, edges: Floats) -> NodeDrag:
     """Drag of the far ends of the elements between `edges`, by the trapezoidal rule."""
     section = arm.section(edges[1:])
     widths = np.diff(edges)
@@ -66,7 +73,7 @@ def node_drag(arm, water, edges):
     return NodeDrag(weights * linear, weights * quadratic, weights * rotational)
 
 
-def chain(q, hats, edges):
+def chain(q: ca.SX, hats: Floats, edges: Floats) -> Chain:
     """Shape and twists of the elements between `edges` at the strains `q`, SX (4, S); `hats` are the hat functions' means in them."""
     frame, point = ca.SX(ca.DM(BASE_FRAME.T)), ca.SX.zeros(3)
     axis = ca.DM([0.0, 0.0, 1.0])
@@ -94,7 +101,7 @@ def chain(q, hats, edges):
     return shape
 
 
-def node_motion(shape, hats, rates):
+def node_motion(shape: Chain, hats: Floats, rates: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
     """Velocities (3,) and angular velocities (3,) of the nodes at the strain rates `rates`, SX (4, S)."""
     spin, moving = ca.SX.zeros(3), ca.SX.zeros(3)
     motions = []
@@ -106,14 +113,14 @@ def node_motion(shape, hats, rates):
     return motions
 
 
-def normal_coefficient(drag, index, velocity, tangent, factors):
+def normal_coefficient(drag: NodeDrag, index: int, velocity: ca.SX, tangent: ca.SX, factors: Any) -> tuple[Any, Any]:
     """Linear coefficient, and that of the quadratic drag across the tangent, of a node that moves with `velocity`."""
     across = velocity - ca.dot(velocity, tangent) * tangent
     speed = ca.sqrt(ca.sumsqr(across) + SLOWEST**2)
     return factors["linear_drag"] * drag.linear[index], factors["quadratic_drag"] * drag.quadratic[index] * speed
 
 
-def drag_force(shape, hats, drag, rates, moved, factors):
+def drag_force(shape: Chain, hats: Floats, drag: NodeDrag, rates: Any, moved: Any, factors: Any) -> ca.SX:
     """Generalised drag (4, S) of a motion.
 
     Parameters
@@ -146,6 +153,6 @@ def drag_force(shape, hats, drag, rates, moved, factors):
     return ca.horzcat(*result)
 
 
-def _combine(weights, values):
+def _combine(weights: Floats, values: Sequence[Any]) -> Any:
     """Weighted sum over the sections whose hats act here."""
-    return sum(float(weights[n]) * values[n] for n in np.flatnonzero(weights))
+    return sum(float(weights[n]) * values[int(n)] for n in np.flatnonzero(weights))

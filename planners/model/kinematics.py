@@ -9,6 +9,11 @@ base, the n element centres and the tip, so the curvature of the whole interval 
 """
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from octoctrl.sim.body.arm import Arm
+
+Floats = NDArray[np.float64]
 
 BASE_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rows d1, d2, d3 at the base."""
@@ -18,19 +23,19 @@ GRADING = 1.0
 """Sections are as long as the local radius to this power: curvature goes with its inverse, and so every section bends alike."""
 
 
-def section_bounds(arm, sections):
+def section_bounds(arm: Arm, sections: int) -> Floats:
     """Arclengths (S + 1,) that bound the sections, m."""
     return arm.partition(sections, GRADING)
 
 
-def hat_values(stations, bounds):
+def hat_values(stations: ArrayLike, bounds: Floats) -> Floats:
     """Value at the arclengths `stations` of every section's hat function, (m, S): 1 at its centre, 0 from the neighbours' on."""
     centres = (bounds[1:] + bounds[:-1]) / 2
     stations = np.asarray(stations, dtype=float)
     return np.stack([np.interp(stations, centres, unit) for unit in np.eye(len(centres))], axis=1)
 
 
-def hat_means(edges, bounds):
+def hat_means(edges: ArrayLike, bounds: Floats) -> Floats:
     """Mean of every section's hat function over the cells bounded by `edges` (m), (len(edges) - 1, S); rows sum to one.
 
     Parameters
@@ -47,13 +52,13 @@ def hat_means(edges, bounds):
     return np.diff(integral, axis=0) / np.diff(edges)[:, None]
 
 
-def element_stations(edges):
+def element_stations(edges: ArrayLike) -> Floats:
     """Stations of a plant whose elements are bounded by `edges` (n + 1,), m: base, element centres, tip, (n + 2,), m."""
     edges = np.asarray(edges, dtype=float)
     return np.concatenate([edges[:1], (edges[1:] + edges[:-1]) / 2, edges[-1:]])
 
 
-def element_lengths(stations):
+def element_lengths(stations: Floats) -> Floats:
     """Lengths of a plant's elements (n,), m, from its stations (n + 2,), m; inverse of `element_stations`."""
     edges = [stations[0]]
     for centre in stations[1:-1]:
@@ -61,7 +66,7 @@ def element_lengths(stations):
     return np.diff(edges)
 
 
-def rotations(vectors):
+def rotations(vectors: Floats) -> Floats:
     """Rotation matrices exp([v]x), (..., 3, 3), of rotation vectors (..., 3), rad."""
     angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
     cross = np.zeros((*vectors.shape[:-1], 3, 3))
@@ -70,7 +75,7 @@ def rotations(vectors):
     return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
 
 
-def rotation_vectors(matrices):
+def rotation_vectors(matrices: Floats) -> Floats:
     """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3) that turn by less than half a turn."""
     skew = 0.5 * (matrices - np.swapaxes(matrices, -1, -2))
     axial = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
@@ -78,7 +83,7 @@ def rotation_vectors(matrices):
     return axial / np.sinc(angle / np.pi)[..., None]
 
 
-def integrate_frames(strains, stations, bounds):
+def integrate_frames(strains: ArrayLike, stations: Floats, bounds: Floats) -> Floats:
     """Frames at the stations.
 
     Parameters
@@ -105,7 +110,7 @@ def integrate_frames(strains, stations, bounds):
     return frames
 
 
-def element_points(strains, frames, edges, bounds):
+def element_points(strains: ArrayLike, frames: Floats, edges: ArrayLike, bounds: Floats) -> Floats:
     """Node positions (..., n + 1, 3), m, from strains and frames (..., n + 2, 3, 3) of an arm with the element `edges` (n + 1,), m."""
     edges = np.asarray(edges, dtype=float)
     stretch = hat_means(edges, bounds) @ np.asarray(strains)[..., 3:]
@@ -129,7 +134,7 @@ class StrainFit:
         Of the sections.
     """
 
-    def __init__(self, stations, bounds):
+    def __init__(self, stations: ArrayLike, bounds: Floats) -> None:
         stations = np.asarray(stations, dtype=float)
         widths, lengths = np.diff(stations), element_lengths(stations)
         self._lengths = lengths[:, None]
@@ -138,7 +143,7 @@ class StrainFit:
         edges[-1] = stations[-1]
         self._stretch_map = np.linalg.pinv(np.cumsum(hat_means(edges, bounds) * self._lengths, axis=0))
 
-    def __call__(self, frames, stretch):
+    def __call__(self, frames: ArrayLike, stretch: ArrayLike) -> Floats:
         """Section strains (..., S, 4) of frames (..., m, 3, 3) and stretches (..., n)."""
         frames = np.asarray(frames, dtype=float)
         turns = rotation_vectors(frames[..., :-1, :, :] @ np.swapaxes(frames[..., 1:, :, :], -1, -2))

@@ -6,21 +6,24 @@ Fuller (1978) and Starostin (2005): writhe of a curve with end rays as the area 
 """
 
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from octoctrl.sim.body.arm import Arm
+
 from .kinematics import BASE_FRAME, element_stations, hat_means, section_bounds
 
 
-def exponential(vector, angle):
+def exponential(vector: Any, angle: Any) -> Any:
     """Rotation matrix exp([v]x) as a CasADi expression; `angle` is its size, kept away from zero."""
     cross = ca.skew(vector)
     return ca.SX.eye(3) + ca.sin(angle) / angle * cross + 2 * (ca.sin(angle / 2) / angle) ** 2 * (cross @ cross)
 
 
 @lru_cache(maxsize=8)
-def outputs(arm, sections):
+def outputs(arm: Arm, sections: int) -> ca.Function:
     """Topology and tip pose as a smooth `casadi.Function`, by the same formula that measures the plant.
 
     Parameters
@@ -52,7 +55,7 @@ def outputs(arm, sections):
     extents = q[3, :] @ ca.DM((hat_means(edges, bounds) * lengths[:, None]).T)
     frame = ca.SX(ca.DM(BASE_FRAME.T))
     base = tangent = frame[:, 2]
-    tip, area, spin = ca.SX.zeros(3), 0, 0
+    tip, area, spin = ca.SX.zeros(3), ca.SX(0), ca.SX(0)
     for index in range(arm.elements + 1):
         vector = turns[:, index]
         angle = ca.sqrt(ca.sumsqr(vector) + 1e-14)
@@ -71,6 +74,6 @@ def outputs(arm, sections):
     )
 
 
-def _triangle(a, b, c):
+def _triangle(a: ca.SX, b: ca.SX, c: ca.SX) -> ca.SX:
     """Signed area of the spherical triangle of three unit vectors."""
     return 2 * ca.atan2(ca.dot(a, ca.cross(b, c)), 1 + ca.dot(a, b) + ca.dot(b, c) + ca.dot(c, a))

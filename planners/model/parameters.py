@@ -1,10 +1,14 @@
 """The identified numbers of the reduced model."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from octoctrl.sim.errors import OctoctrlError, check_number, suggest
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,16 +65,16 @@ class ReducedParameters:
     squeeze: float = 0.0
     tone: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for item in fields(self):
             check_number(item.name, getattr(self, item.name), at_least=0.0)
 
-    def vector(self):
+    def vector(self) -> Floats:
         """The factors in the order of `FACTORS`, (len(FACTORS),) float64."""
         return np.array([getattr(self, name) for name in FACTORS], dtype=float)
 
     @classmethod
-    def from_vector(cls, vector):
+    def from_vector(cls, vector: ArrayLike) -> "ReducedParameters":
         """Inverse of `vector`."""
         return cls(**dict(zip(FACTORS, np.asarray(vector, dtype=float).tolist(), strict=True)))
 
@@ -82,7 +86,7 @@ GENERIC_ONLY = ("length_slope", "length_curvature", "passive_onset")
 """Factors without effect on the known laws."""
 
 
-def factor_indices(names):
+def factor_indices(names: Sequence[str]) -> list[int]:
     """Positions of named factors.
 
     Raises

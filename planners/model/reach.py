@@ -4,12 +4,20 @@ Without load from outside the internal force and moment vanish everywhere, so th
 equations, a Newton iteration with the exact tangent of the fibres. Water does not enter.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
+
+Floats = NDArray[np.float64]
+
+if TYPE_CHECKING:
+    from .reduced import ReducedModel
 
 TRUST = 0.1
 """Largest change of strain (curvature times fibre distance, or stretch) in one iteration."""
@@ -44,7 +52,7 @@ class ReachLimits:
     length: tuple[float, float]
 
 
-def equilibrium(model, levels, start=None):
+def equilibrium(model: "ReducedModel", levels: ArrayLike, start: ArrayLike | None = None) -> Floats:
     """Strains at rest under constant levels.
 
     Parameters
@@ -97,7 +105,7 @@ def equilibrium(model, levels, start=None):
     raise OctoctrlError(f"section {worst} of {model.sections} finds no equilibrium at these levels; lower them or pass a nearer start")
 
 
-def reach_limits(model, side, level):
+def reach_limits(model: "ReducedModel", side: Sequence[str], level: float) -> ReachLimits:
     """Largest twist, turns, writhe and length at rest.
 
     Parameters

@@ -20,16 +20,23 @@ Tekinalp et al. (2024), *Topology, dynamics, and control of a muscle-architected
 van Leeuwen & Kier (1997), eqs. 4 and 5: force-velocity.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, azimuth
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, Section, azimuth
+from octoctrl.sim.body.muscles import MuscleLaw
 
 from .fibre_kernels import RATE_BLEND
 from .kinematics import hat_means, section_bounds
 from .parameters import FACTORS
+
+Floats = NDArray[np.float64]
+Curves = Callable[[Any, Callable[[str], Any]], tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]]
+"""Of a stretch and of the factors by name: active factor, passive and compressive stress, each with its slope."""
 
 CONSTANTS = (
     "cord_area", "muscle_area", "ring_area", "oblique_area", "muscle_offset", "oblique_offset", "oblique_stretch", "bending", "twisting",
@@ -50,7 +57,7 @@ GENERIC = {"longitudinal": GenericLaw((0.93, 1.2, -5.0), 2.7, 0.06), "transverse
 """Rough shapes, from which identification starts: level, slope and curvature at rest length; slope and onset of the passive hinge."""
 
 
-def section_constants(arm, sections, samples=60):
+def section_constants(arm: Arm, sections: int, samples: int = 60) -> Floats:
     """Constants of the sections, (len(CONSTANTS), S), SI units.
 
     A section stands for all of the arm in which its hat function acts, where the radius r may fall by half. Its curvature at rest is
@@ -78,7 +85,7 @@ def section_constants(arm, sections, samples=60):
     return np.array([*section.areas, *offsets, *stiffness, narrowing, lengths])
 
 
-def _inward_load(section):
+def _inward_load(section: Section) -> Floats:
     """Force per length with which an active oblique family squeezes the section, over its stress.
 
     Round layers that touch give way by the load to the power 2/3 (Hertz).
@@ -86,13 +93,13 @@ def _inward_load(section):
     return section.areas[3] * (section.oblique_stretch - 1 / section.oblique_stretch) / section.oblique_offset
 
 
-def hinge(x, width):
+def hinge(x: Any, width: Any) -> tuple[Any, Any]:
     """max(x, 0) with a parabola between -width and width, and its slope."""
     inside = ca.fmin(ca.fmax(x + width, 0.0), 2 * width)
     return inside**2 / (4 * width) + ca.fmax(x - width, 0.0), inside / (2 * width)
 
 
-def known_law(law):
+def known_law(law: MuscleLaw) -> Curves:
     """The plant's polynomials: a function of stretch giving active factor, passive stress over maximum stress, and both slopes.
 
     Tension and compression carry factors of their own: the function returns ``(f, f'), (tension, its slope), (compression, its slope)``.
@@ -101,7 +108,7 @@ def known_law(law):
     low, top = law.range
     end_slope = float(np.polyval(np.polyder(passive), top))
 
-    def curves(s, factor):
+    def curves(s: Any, factor: Callable[[str], Any]) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
         held = ca.fmin(ca.fmax(s, low), top)
         value, slope = _horner(active, held)
         f, gate = hinge(value, 0.02)
@@ -114,10 +121,10 @@ def known_law(law):
     return curves
 
 
-def generic_law(law, shape):
+def generic_law(law: MuscleLaw, shape: GenericLaw) -> Curves:
     """A parabola and two hinges in place of the polynomials of `law`; same interface as `known_law`."""
 
-    def curves(s, factor):
+    def curves(s: Any, factor: Callable[[str], Any]) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
         x = s - 1
         slope, curvature = shape.active[1] * factor("length_slope"), shape.active[2] * factor("length_curvature")
         f, gate = hinge(1 + slope * x + curvature * x**2, 0.1)
@@ -128,7 +135,7 @@ def generic_law(law, shape):
     return curves
 
 
-def hill_secant(law, rate):
+def hill_secant(law: MuscleLaw, rate: Any) -> Any:
     """Loss of active stress per stretch rate, s, relative to the isometric stress: the secant of Hill's curve at the stretch rate `rate`.
 
     Shortening f_v = (1 - w) / (1 + w / K) and lengthening f_v = p - (p - 1)(1 + w) / (1 - c w / K) at w = -rate / maximum rate
@@ -155,7 +162,7 @@ class SectionForces(NamedTuple):
     gradients: ca.SX
 
 
-def section_forces(arm, laws, q, u, constants, factors):
+def section_forces(arm: Arm, laws: str, q: ca.SX, u: ca.SX, constants: ca.SX, factors: ca.SX) -> SectionForces:
     """Build the expressions of a section.
 
     Parameters
@@ -189,7 +196,7 @@ def section_forces(arm, laws, q, u, constants, factors):
     force, tangent = ca.SX.zeros(4), ca.SX.zeros(4, 4)
     viscosity, gradients = [], []
 
-    def tension(kind, area, activation, stress, passive, s, rest):
+    def tension(kind: str, area: Any, activation: Any, stress: Any, passive: Any, s: Any, rest: Any) -> tuple[Any, Any]:
         law = getattr(arm, kind)
         (f, f1), (p, p1), (c, c1) = curves[kind](s, lambda name: names[name])
         level = activation * stress * law.maximum_stress
@@ -198,7 +205,7 @@ def section_forces(arm, laws, q, u, constants, factors):
         viscosity.append(area * level * f * names["viscosity"] / (s * rest))
         return area * sigma / s, area * (slope - sigma / s) / (s * rest)
 
-    def off_axis(kind, area, activation, stress, passive, place, turn, rest):
+    def off_axis(kind: str, area: Any, activation: Any, stress: Any, passive: Any, place: Any, turn: Any, rest: Any) -> None:
         nonlocal force, tangent
         rho, angle = place
         r1, r2 = (0.0, 0.0) if angle is None else (rho * np.sin(angle), rho * np.cos(angle))
@@ -219,9 +226,9 @@ def section_forces(arm, laws, q, u, constants, factors):
         off_axis("longitudinal", value["muscle_area"], u[index] + names["tone"], names["longitudinal_stress"], 1.0, place, 0.0, 1.0)
     embedded = arm.lumped.oblique_passive * names["oblique_passive"]
     for hand, group in ((1.0, "R-OM"), (-1.0, "L-OM")):
-        place, level = (value["oblique_offset"], None), u[MUSCLE_GROUPS.index(group)]
+        outside, level = (value["oblique_offset"], None), u[MUSCLE_GROUPS.index(group)]
         turn, rest = hand * pitch_rate, value["oblique_stretch"]
-        off_axis("oblique", value["oblique_area"], level, names["oblique_stress"], embedded, place, turn, rest)
+        off_axis("oblique", value["oblique_area"], level, names["oblique_stress"], embedded, outside, turn, rest)
     level = u[MUSCLE_GROUPS.index("TM")] + names["tone"]
     pull, stiffness = tension("transverse", value["ring_area"], level, names["transverse_stress"], 1.0, lam, 1.0)
     gradients.append(ca.vertcat(0, 0, 0, lam1))
@@ -242,12 +249,12 @@ def section_forces(arm, laws, q, u, constants, factors):
     )
 
 
-def viscous_force(arm, forces, constants, rates, motion):
+def viscous_force(arm: Arm, forces: SectionForces, constants: ca.SX, rates: ca.SX, motion: ca.SX) -> ca.SX:
     """Hill's viscous force of a section: the viscosity at the strain rates `rates` (4,), 1/s, times the strains `motion` (4,)."""
     return forces.gradients @ (_viscosity_coefficients(arm, forces, constants, rates) * (forces.gradients.T @ motion))
 
 
-def _viscosity_coefficients(arm, forces, constants, rates):
+def _viscosity_coefficients(arm: Arm, forces: SectionForces, constants: ca.SX, rates: ca.SX) -> ca.SX:
     """Viscosity of each fibre along its own length, (11,)."""
     speeds = forces.gradients.T @ rates
     coefficients = []
@@ -259,11 +266,11 @@ def _viscosity_coefficients(arm, forces, constants, rates):
     return ca.vertcat(*coefficients)
 
 
-def _curves(law, laws, shape):
+def _curves(law: MuscleLaw, laws: str, shape: str) -> Curves:
     return known_law(law) if laws == "known" else generic_law(law, GENERIC[shape])
 
 
-def _horner(coefficients, x):
+def _horner(coefficients: Floats, x: Any) -> tuple[Any, Any]:
     """Polynomial and its slope."""
     value, slope = float(coefficients[0]), 0.0
     for coefficient in coefficients[1:]:
@@ -272,11 +279,11 @@ def _horner(coefficients, x):
     return value, slope
 
 
-def _compression(law, s):
+def _compression(law: MuscleLaw, s: Any) -> tuple[Any, Any]:
     """Size of the compressive stress, Pa, and its slope."""
     value, opening = hinge(1 - law.slack - s, 5e-3)
     return law.compression_modulus * value, -law.compression_modulus * opening
 
 
-def _scale(value, slope, factor):
+def _scale(value: Any, slope: Any, factor: Any) -> tuple[Any, Any]:
     return factor * value, factor * slope

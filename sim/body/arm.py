@@ -15,12 +15,19 @@ import hashlib
 from dataclasses import asdict, dataclass, field, fields
 from math import atan2, cos, degrees, pi, sin, sqrt, tau
 from numbers import Real
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import OctoctrlError, check_count, check_number
 from .layout import OCTOPUS_MUSCLES, MuscleLayout
 from .muscles import LONGITUDINAL, TRANSVERSE, MuscleLaw
+
+if TYPE_CHECKING:
+    from .anatomy import Anatomy
+
+Floats = NDArray[np.float64]
 
 MUSCLE_GROUPS = OCTOPUS_MUSCLES.names
 """Names of the octopus arm's groups, in the order of every array indexed by group."""
@@ -56,7 +63,7 @@ class LumpedSection:
     oblique_passive: float = 2.7
     torsion: float = 3.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_number("hoop_ratio", self.hoop_ratio, at_least=0.0, at_most=0.5)
         check_number("oblique_passive", self.oblique_passive, above=0.0)
         check_number("torsion", self.torsion, above=0.0)
@@ -121,7 +128,7 @@ class Arm:
     transverse: MuscleLaw = field(default=TRANSVERSE)
     lumped: LumpedSection = field(default=LumpedSection())
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         metres = f"lengths are SI - did you mean {self.length / 100:.2f} ({self.length:g} cm)?" if _is_number(self.length) else ""
         check_number("length", self.length, at_least=1e-3, at_most=5.0, unit="m", advice=metres)
         check_number("base_radius", self.base_radius, at_least=1e-4 * self.length, unit="m")
@@ -139,7 +146,7 @@ class Arm:
         check_number("grading", self.grading, at_least=0.0, at_most=1.0)
         self._check_layers()
 
-    def _check_layers(self):
+    def _check_layers(self) -> None:
         check_number("straight_fraction", self.straight_fraction, above=0.0, at_most=1.0)
         for name in ("ring_radius", "oblique_radius"):
             check_number(name, getattr(self, name), above=0.0, at_most=self.base_radius, unit="m", advice="a layer is thinner than the arm")
@@ -155,7 +162,7 @@ class Arm:
                 raise OctoctrlError(f"{name}={getattr(self, name)!r}: a MuscleLaw is needed")
 
     @classmethod
-    def octopus(cls, **changes):
+    def octopus(cls, **changes: Any) -> "Arm":
         """The 20 cm arm of *O. rubescens* in Tekinalp et al. (2024), with any field changed by keyword.
 
         Raises
@@ -172,7 +179,7 @@ class Arm:
         return cls(**changes)
 
     @property
-    def fingerprint(self):
+    def fingerprint(self) -> str:
         """Four hexadecimal digits that differ between arms that differ in any field but the name and the resolution."""
         content = {key: value for key, value in asdict(self).items() if key not in ("name", "elements", "grading")}
         if self.layout != OCTOPUS_MUSCLES:
@@ -180,11 +187,11 @@ class Arm:
         return hashlib.sha256(repr(sorted(_plain(content).items())).encode()).hexdigest()[:4]
 
     @property
-    def edges(self):
+    def edges(self) -> Floats:
         """Arclengths (elements + 1,) of the element boundaries, m, from base to tip."""
         return self.partition(self.elements, self.grading)
 
-    def partition(self, count, grading):
+    def partition(self, count: int, grading: float) -> Floats:
         """Arclengths (count + 1,) that divide the arm into parts as long as the local radius to the power `grading`, m."""
         share = np.linspace(0.0, 1.0, count + 1)
         slope, power = 1 - 1 / self.taper, 1 - grading
@@ -195,7 +202,7 @@ class Arm:
             return self.length * (1 - self.taper**-share) / slope
         return self.length * (1 - (1 - share * (1 - self.taper**-power)) ** (1 / power)) / slope
 
-    def section(self, arclength):
+    def section(self, arclength: ArrayLike) -> "Section":
         """Cross-section at the given arclengths.
 
         Parameters
@@ -216,7 +223,7 @@ class Arm:
         return OCTOPUS_MUSCLES
 
     @property
-    def anatomy(self):
+    def anatomy(self) -> "Anatomy":
         """How the rods of the full arm are counted, joined, held and damped, as an `Anatomy`."""
         from .anatomy import OCTOPUS
 
@@ -238,37 +245,37 @@ class Section:
         return len(self.arm.layout.longitudinal)
 
     @property
-    def muscle_offset(self):
+    def muscle_offset(self) -> Floats:
         """Distance of the longitudinal muscles from the axis, m."""
         return self.cord_radius + self.muscle_radius
 
     @property
-    def ring_offset(self):
+    def ring_offset(self) -> Floats:
         """Radius of the transverse layer's middle, m."""
         return self.cord_radius + 2 * self.muscle_radius + self.arm.ring_radius
 
     @property
-    def fibre_radius(self):
+    def fibre_radius(self) -> Floats:
         """Radius of one oblique fibre, m."""
         return self.arm.oblique_radius * self.outline
 
     @property
-    def oblique_offset(self):
+    def oblique_offset(self) -> Floats:
         """Radius of the oblique helices, m."""
         return self.ring_offset + self.arm.ring_radius + self.fibre_radius
 
     @property
-    def outer_radius(self):
+    def outer_radius(self) -> Floats:
         """Radius of the arm's surface, m."""
         return self.oblique_offset + self.fibre_radius
 
     @property
-    def oblique_stretch(self):
+    def oblique_stretch(self) -> Floats:
         """Rest length of an oblique fibre per unit of arm length."""
         return np.sqrt(1 + (self.oblique_offset * tau / self.arm.oblique_pitch) ** 2)
 
     @property
-    def areas(self):
+    def areas(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Fibre areas, m^2: nerve cord, one longitudinal muscle, transverse muscle (hoop force per arm length), one oblique family."""
         ring_density = pi * self.arm.ring_radius**2 / (2 * self.arm.ring_radius)
         return (
@@ -279,7 +286,7 @@ class Section:
         )
 
     @property
-    def masses(self):
+    def masses(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Mass per unit length, kg/m: nerve cord, all longitudinal muscles, transverse, all oblique families."""
         cord, muscle, ring, oblique = self.areas
         densities = self.arm.densities
@@ -291,7 +298,7 @@ class Section:
         )
 
     @property
-    def polar_inertias(self):
+    def polar_inertias(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Polar moment of inertia per unit length, kg m, of the same four layers; bending inertias are half of it."""
         cord, longitudinal, ring, oblique = self.masses
         return (
@@ -302,17 +309,17 @@ class Section:
         )
 
     @property
-    def bending_stiffness(self):
+    def bending_stiffness(self) -> Floats:
         """Bending stiffness of the straight rods about their own axes, N m^2."""
         return self.arm.youngs_modulus * pi / 4 * (self.cord_radius**4 + self.muscle_count * self.muscle_radius**4)
 
     @property
-    def twist_stiffness(self):
+    def twist_stiffness(self) -> Floats:
         """Torsional stiffness of the straight rods about their own axes, N m^2."""
         return self.arm.shear_modulus * pi / 2 * (self.cord_radius**4 + self.muscle_count * self.muscle_radius**4) * self.arm.lumped.torsion
 
     @property
-    def shear_stiffness(self):
+    def shear_stiffness(self) -> Floats:
         """Shear stiffness 4/3 G A of everything that runs along the arm, N: cord, longitudinal and oblique fibres, but not the rings."""
         cord, muscle, _, oblique = self.areas
         return (
@@ -323,24 +330,24 @@ class Section:
         )
 
 
-def touching_radii(arm, muscles=8):
+def touching_radii(arm: Arm, muscles: int = 8) -> tuple[float, float]:
     """Radii (m) of the cord and of `muscles` longitudinal muscles around it, which touch it and each other, at the base."""
     touching = sin(pi / muscles) / (1 - sin(pi / muscles))
     cord = arm.base_radius * sqrt(arm.straight_fraction / (1 + muscles * touching**2))
     return cord, touching * cord
 
 
-def oblique_angle(arm, arclength):
+def oblique_angle(arm: Arm, arclength: float) -> float:
     """Angle between an oblique fibre and the arm's axis, degrees (74.4 at the base of the octopus arm)."""
     return degrees(atan2(tau * float(arm.section(arclength).oblique_offset), arm.oblique_pitch))
 
 
-def material_direction(angle):
+def material_direction(angle: float) -> Floats:
     """Material components (d1, d2, d3) of the radial direction at azimuth `angle`, rad."""
     return np.array([sin(angle), cos(angle), 0.0])
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """The same with every number as a float, whether it came as a whole number or from NumPy."""
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in value.items()}
@@ -349,5 +356,5 @@ def _plain(value):
     return float(value) if isinstance(value, Real) and not isinstance(value, bool) else value
 
 
-def _is_number(value):
+def _is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)

@@ -43,7 +43,7 @@ class AssemblyGrid:
     bundle: float = 1.0
     between: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, step in (("rings", 1), ("spokes", 4), ("helices", 2), ("helix_nodes", 2), ("ring_nodes", self.spokes)):
             value = getattr(self, name)
             least, most = (8, LARGEST_COUNT) if name == "rings" else (step, 96)
@@ -53,41 +53,41 @@ class AssemblyGrid:
             raise OctoctrlError(f"ring_nodes={self.ring_nodes}: a grid needs a multiple of the {self.helices // 2} helices of either hand")
 
     @property
-    def lanes(self):
+    def lanes(self) -> int:
         """Numbers per slot: all rings, room for ghosts, and a multiple of eight for the processor."""
         return -(-(self.rings + 4) // 8) * 8
 
     @property
-    def straight_rods(self):
+    def straight_rods(self) -> int:
         """Nerve cord and longitudinal muscles."""
         return 1 + self.spokes
 
     @property
-    def spoke_pitch(self):
+    def spoke_pitch(self) -> int:
         """Ring nodes from one longitudinal muscle to the next."""
         return self.ring_nodes // self.spokes
 
     @property
-    def helix_elements(self):
+    def helix_elements(self) -> int:
         """Elements of a helix, which reaches from the first ring to half a spacing behind the last."""
         return self.helix_nodes * self.rings - self.helix_nodes // 2
 
     @property
-    def open_slots(self):
+    def open_slots(self) -> int:
         """Slots of the straight rods and helices."""
         return self.straight_rods + self.helices * self.helix_nodes
 
     @property
-    def ring_slots(self):
+    def ring_slots(self) -> int:
         """Slots of the rings."""
         return self.ring_nodes + 2
 
     @property
-    def first_spoke(self):
+    def first_spoke(self) -> int:
         """Slot of the first longitudinal muscle among the spokes."""
         return self.spokes // 4
 
     @property
-    def spoke_slots(self):
+    def spoke_slots(self) -> int:
         """Slots of the spokes."""
         return self.first_spoke + self.spokes + self.spokes // 2

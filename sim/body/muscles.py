@@ -12,8 +12,11 @@ active curve ends at zero and the passive curve goes on along its tangent.
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import check_number
+
+Floats = NDArray[np.float64]
 
 SARCOMERE_STRESS = 280e3
 """Stress of a fully overlapping sarcomere, Pa (van Leeuwen & Kier 1997)."""
@@ -64,7 +67,7 @@ class MuscleLaw:
     eccentric_slope: float = 7.56
     range: tuple[float, float] = field(default=(0.6, 1.8))
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("maximum_stress", "compression_modulus"):
             check_number(name, getattr(self, name), at_least=0.0, at_most=1e8, unit="Pa")
         check_number("slack", self.slack, at_least=0.0)
@@ -74,11 +77,11 @@ class MuscleLaw:
             check_number(name, getattr(self, name), at_least=1e-3, at_most=1e3)
         check_number("eccentric_plateau", self.eccentric_plateau, at_least=1.0, at_most=10.0)
 
-    def active_factor(self, stretch):
+    def active_factor(self, stretch: ArrayLike) -> Floats:
         """Active force-length factor f_l >= 0 at `stretch`."""
         return np.maximum(0.0, np.polyval(self.active, np.clip(stretch, *self.range)))
 
-    def passive_stress(self, stretch):
+    def passive_stress(self, stretch: ArrayLike) -> Floats:
         """Passive stress at `stretch`, Pa per rest area."""
         stretch = np.asarray(stretch, dtype=float)
         top = self.range[1]
@@ -87,7 +90,7 @@ class MuscleLaw:
         tension = self.maximum_stress * self.passive_scale * np.where(stretch > 1 + self.slack, np.maximum(curve, 0.0), 0.0)
         return tension + self.compression_modulus * np.minimum(stretch - 1 + self.slack, 0.0)
 
-    def velocity_factor(self, shortening):
+    def velocity_factor(self, shortening: ArrayLike) -> Floats:
         """Hill factor f_v at the shortening rate over `maximum_rate` (negative while lengthening); never below zero."""
         w = np.asarray(shortening, dtype=float)
         fast = np.maximum(w, 0.0)
@@ -96,10 +99,10 @@ class MuscleLaw:
         eccentric = self.eccentric_plateau - (self.eccentric_plateau - 1) * (1 + slow) / (1 - self.eccentric_slope * slow / self.curvature)
         return np.where(w > 0, np.maximum(concentric, 0.0), eccentric)
 
-    def stress(self, stretch, rate=0.0, activation=0.0):
+    def stress(self, stretch: ArrayLike, rate: ArrayLike = 0.0, activation: ArrayLike = 0.0) -> Floats:
         """Total stress at `stretch`, stretch `rate` (1/s) and `activation`, Pa per rest area."""
-        active = activation * self.maximum_stress * self.active_factor(stretch)
-        return active * self.velocity_factor(-np.asarray(rate) / self.maximum_rate) + self.passive_stress(stretch)
+        active = np.asarray(activation, dtype=float) * self.maximum_stress * self.active_factor(stretch)
+        return active * self.velocity_factor(-np.asarray(rate, dtype=float) / self.maximum_rate) + self.passive_stress(stretch)
 
 
 _ISOMETRIC = SARCOMERE_STRESS * (0.81 - 0.14) / (1.58 - 0.14)

@@ -5,12 +5,13 @@ samples the activation of the next or stores its recording. Arms share nothing, 
 """
 
 import os
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from threading import Event
 from time import perf_counter
 
-from ..activation import Activation
+from ..contracts import ActivationSource, PlantLike
 from ..errors import OctoctrlError, PlantUnstableError, check_number
 from ..records import Record
 from .recording import Recording
@@ -39,7 +40,7 @@ class BatchFailure:
     mechanism: str
     message: str
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"arm {self.index} at t={self.time:.3f} s: element {self.element} of the {self.rod} {self.mechanism}"
 
 
@@ -61,16 +62,16 @@ class BatchResult(Record):
     wall_time: float
 
     @property
-    def arm_seconds(self):
+    def arm_seconds(self) -> float:
         """Simulated time of all arms together, s."""
         return sum(float(recording.time[-1] - recording.time[0]) for recording in self.recordings)
 
     @property
-    def throughput(self):
+    def throughput(self) -> float:
         """Simulated seconds of arm per second of wall time."""
         return self.arm_seconds / self.wall_time
 
-    def raise_if_failed(self):
+    def raise_if_failed(self) -> None:
         """Raise the first failure.
 
         Raises
@@ -90,7 +91,14 @@ class BatchResult(Record):
             )
 
 
-def simulate_batch(plants, activations, duration, *, threads=None, progress=None):
+def simulate_batch(
+    plants: Iterable[PlantLike],
+    activations: ActivationSource | Iterable[ActivationSource],
+    duration: float,
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> BatchResult:
     """Move many plants on by `duration`, side by side.
 
     Parameters
@@ -119,20 +127,21 @@ def simulate_batch(plants, activations, duration, *, threads=None, progress=None
         arm, and the others stop where they are.
     """
     plants = tuple(plants)
-    activations = (activations,) * len(plants) if isinstance(activations, Activation) else tuple(activations)
-    _check(plants, activations, threads)
-    stop, failures = Event(), []
+    sources = tuple(activations) if isinstance(activations, Iterable) else (activations,) * len(plants)
+    _check(plants, sources, threads)
+    stop, failures = Event(), list[BatchFailure]()
 
-    def heed(_):
+    def heed(_: float) -> None:
         if stop.is_set():
             raise KeyboardInterrupt
 
-    def advance(index):
+    def advance(index: int) -> Recording:
         try:
-            return plants[index].advance(activations[index], duration, progress=heed)
+            return plants[index].advance(sources[index], duration, progress=heed)
         except PlantUnstableError as error:
             failures.append(_failure(index, error))
-            return error.recording
+            kept: Recording = error.recording
+            return kept
         except OctoctrlError as error:
             raise OctoctrlError(f"arm {index} of the batch: {error}") from None
 
@@ -145,7 +154,7 @@ def simulate_batch(plants, activations, duration, *, threads=None, progress=None
     )
 
 
-def _check(plants, activations, threads):
+def _check(plants: Sequence[PlantLike], activations: Sequence[ActivationSource], threads: int | None) -> None:
     if not plants:
         raise OctoctrlError("the batch has no plants; give at least one")
     if len(activations) != len(plants):
@@ -156,7 +165,7 @@ def _check(plants, activations, threads):
         check_number("threads", threads, at_least=1)
 
 
-def _collect(running, stop, progress):
+def _collect(running: "Sequence[Future[Recording]]", stop: Event, progress: Callable[[int], None] | None) -> tuple[Recording, ...]:
     """Recordings in order; whatever ends the waiting early also ends the arms."""
     try:
         for done, arm in enumerate(as_completed(running), start=1):
@@ -171,5 +180,5 @@ def _collect(running, stop, progress):
     return tuple(arm.result() for arm in running)
 
 
-def _failure(index, error):
+def _failure(index: int, error: PlantUnstableError) -> BatchFailure:
     return BatchFailure(index=index, time=error.time, rod=error.rod, element=error.element, mechanism=error.mechanism, message=str(error))

@@ -1,12 +1,17 @@
 """What a run leaves behind: centreline, frames, stretch and activation over time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import OctoctrlError
 from ..records import Record
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -33,17 +38,17 @@ class Recording(Record):
     note : str
     """
 
-    time: np.ndarray
-    points: np.ndarray
-    frames: np.ndarray
-    stations: np.ndarray
-    stretch: np.ndarray
-    levels: np.ndarray
-    series: dict[str, np.ndarray] = field(default_factory=dict)
+    time: Floats
+    points: Floats
+    frames: Floats
+    stations: Floats
+    stretch: Floats
+    levels: Floats
+    series: dict[str, Floats] = field(default_factory=dict)
     complete: bool = True
     note: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         count = len(self.time)
         for name in ("points", "frames", "stretch", "levels"):
             if len(getattr(self, name)) != count:
@@ -53,22 +58,13 @@ class Recording(Record):
                 raise OctoctrlError(f"recording: series '{name}' has {len(values)} instants, time has {count}")
 
     @classmethod
-    def joined(cls, pieces):
-        """One recording of consecutive pieces; an instant at which one ends and the next begins is kept once.
-
-        Parameters
-        ----------
-        pieces : sequence of Recording
-
-        Returns
-        -------
-        Recording
-        """
+    def joined(cls, pieces: Sequence["Recording"]) -> "Recording":
+        """One recording of consecutive `pieces`; an instant at which one ends and the next begins is kept once."""
         skips = [0] + [
             int(bool(len(before.time)) and bool(len(piece.time)) and piece.time[0] <= before.time[-1] + 1e-12)
             for before, piece in pairwise(pieces)
         ]
-        fields = {
+        fields: dict[str, Any] = {
             name: np.concatenate([getattr(piece, name)[skip:] for piece, skip in zip(pieces, skips, strict=True)])
             for name in ("time", "points", "frames", "stretch", "levels")
         }
@@ -76,18 +72,19 @@ class Recording(Record):
         series = {name: np.concatenate([piece.series[name][skip:] for piece, skip in zip(pieces, skips, strict=True)]) for name in kept}
         return replace(pieces[0], **fields, series=series)
 
-    def until(self, time):
+    def until(self, time: float) -> "Recording":
         """The recording up to `time` (s), included."""
         kept = int(np.searchsorted(self.time, time + 1e-9))
         cut = {name: getattr(self, name)[:kept] for name in ("time", "points", "frames", "stretch", "levels")}
         return replace(self, **cut, series={name: values[:kept] for name, values in self.series.items()})
 
     @property
-    def length(self):
+    def length(self) -> Floats:
         """Arm length, m, (T,)."""
-        return np.linalg.norm(np.diff(self.points, axis=1), axis=2).sum(axis=1)
+        found: Floats = np.linalg.norm(np.diff(self.points, axis=1), axis=2).sum(axis=1)
+        return found
 
     @property
-    def tip(self):
+    def tip(self) -> Floats:
         """Tip position, m, (T, 3)."""
         return self.points[:, -1]
