@@ -47,7 +47,7 @@ class AssemblyGrid:
         for name, step in (("rings", 1), ("spokes", 4), ("helices", 2), ("helix_nodes", 2), ("ring_nodes", self.spokes)):
             value = getattr(self, name)
             least, most = (8, LARGEST_COUNT) if name == "rings" else (step, 96)
-            if not isinstance(value, Integral) or value % step or not least <= value <= most:
+            if not isinstance(value, Integral) or value % step or not least <= int(value) <= most:
                 raise OctoctrlError(f"{name}={value}: a grid needs a multiple of {step} from {least} to {most}")
         if self.ring_nodes % (self.helices // 2):
             raise OctoctrlError(f"ring_nodes={self.ring_nodes}: a grid needs a multiple of the {self.helices // 2} helices of either hand")
