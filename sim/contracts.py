@@ -1,6 +1,6 @@
 """What the parts of the physical world ask of each other: protocols that an object of one's own may fulfil."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -53,6 +53,15 @@ class Motion(NamedTuple):
     finding: Finding = Finding.FINE
     rod: str = "arm"
     element: int = 0
+
+
+def joined(motions: Sequence[Motion]) -> Motion:
+    """One motion of consecutive ones, of which only the last may have ended early."""
+    if len(motions) == 1:
+        return motions[0]
+    series = {name: np.concatenate([motion.series[name] for motion in motions]) for name in motions[0].series}
+    points, frames, stretch = (np.concatenate([motion[part] for motion in motions]) for part in range(3))
+    return motions[-1]._replace(points=points, frames=frames, stretch=stretch, series=series)
 
 
 class Core(Protocol):

@@ -12,6 +12,7 @@ from octoctrl.sim.contact.bodies import kinetic_energy, rows_of
 from octoctrl.sim.contact.body_kernels import drift_bodies, kick_bodies, straighten
 from octoctrl.sim.contact.columns import Anchor, Body
 from octoctrl.sim.contact.friction_kernels import follow, touch
+from octoctrl.sim.contact.measures import covered_winding, winding
 from octoctrl.sim.contact.shape_kernels import distance
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Free, Moved, Plane, Sphere, Springs, frame_of
@@ -92,7 +93,7 @@ def test_the_normal_is_the_slope_of_the_distance(item, place):
 
 
 @kernel
-def push_point(bodies, x, v, m, radius, anchors, stiffness, h, steps, force, hold):
+def push_point(bodies, x, v, m, radius, anchors, stiffness, h, steps, force):
     """A ball of mass m that a force pushes, with all bodies: the order of a plant's step."""
     normals = np.zeros((bodies.shape[0], 6))
     for _ in range(steps):
@@ -101,7 +102,7 @@ def push_point(bodies, x, v, m, radius, anchors, stiffness, h, steps, force, hol
         drift_bodies(bodies, 0.5 * h)
         for i in range(3):
             v[i] += h * force[i] / m
-        kick_bodies(bodies, h, hold)
+        kick_bodies(bodies, h)
         for j in range(bodies.shape[0]):
             gap, n1, n2, n3 = distance(bodies[j], x[0], x[1], x[2])
             normals[j, 0], normals[j, 1], normals[j, 2] = n1, n2, n3
@@ -128,9 +129,9 @@ class Block:
             np.array(place, dtype=float), np.array(velocity, dtype=float), mass, radius, stiffness, h,
         )  # fmt: skip
 
-    def move(self, duration, force=(0.0, 0.0, 0.0), hold=0.0):
+    def move(self, duration, force=(0.0, 0.0, 0.0)):
         steps = round(duration / self.h)
-        push_point(self.rows, self.x, self.v, self.mass, self.radius, self.anchors, self.stiffness, self.h, steps, np.array(force), hold)
+        push_point(self.rows, self.x, self.v, self.mass, self.radius, self.anchors, self.stiffness, self.h, steps, np.array(force))
         return self
 
 
@@ -269,7 +270,7 @@ def test_springs_pull_an_object_home_with_their_own_frequency():
     period = 2 * pi * np.sqrt(5e-3 / 2.0)
     for _ in range(round(period / 4 / h)):
         drift_bodies(rows, h / 2)
-        kick_bodies(rows, h, 1.0)
+        kick_bodies(rows, h)
         drift_bodies(rows, h / 2)
     assert abs(rows[0, Body.POSITION]) < 2e-6
     assert rows[0, Body.VELOCITY] == pytest.approx(-1e-3 * np.sqrt(2.0 / 5e-3), rel=2e-3)
@@ -281,7 +282,7 @@ def test_damping_is_exact_at_any_step():
         rows = rows_of([item])
         rows[0, Body.VELOCITY], rows[0, Body.MOMENTUM] = 1.0, 1.0
         for _ in range(round(0.1 / h)):
-            kick_bodies(rows, h, 0.0)
+            kick_bodies(rows, h)
         assert rows[0, Body.VELOCITY] == pytest.approx(np.exp(-5.0), rel=1e-12)
         assert rows[0, Body.MOMENTUM] == pytest.approx(np.exp(-0.5), rel=1e-12)
 
@@ -297,6 +298,38 @@ def test_volume_and_inertia_are_those_of_the_solid(item):
     assert len(inside) / len(grid) * (2 * bound) ** 3 == pytest.approx(item.volume, rel=0.03)
     second = (inside**2).mean(axis=0)
     np.testing.assert_allclose(item.gyration, second.sum() - second, rtol=0.03)
+
+
+# How an arm holds an object
+
+
+def helix_round(item, turns, clearance, radius, count=400):
+    """A centreline that winds `turns` times round a post, at rest and turned with it."""
+    frame = frame_of(item)
+    angle = 2 * pi * turns * np.linspace(0, 1, count + 1)
+    away = item.radius + radius + clearance
+    local = np.stack([away * np.cos(angle), away * np.sin(angle), np.linspace(-0.4, 0.4, count + 1) * item.length], axis=1)
+    return (np.asarray(item.position) + local @ frame)[None], np.asarray(item.position)[None], frame[None]
+
+
+@pytest.mark.parametrize("turns", [1.25, -0.7, 2.0])
+def test_winding_counts_turns_and_only_what_touches_is_covered(turns):
+    item, radius = SHAPES[1], 4e-3
+    for clearance, covered in ((-1e-4, turns), (1.9e-3, turns), (2.1e-3, 0.0)):
+        points, position, frame = helix_round(item, turns, clearance, radius)
+        assert winding(points, position, frame)[0] == pytest.approx(turns, abs=1e-9)
+        found = covered_winding(points, np.full(400, radius), item, position, frame)[0]
+        assert found == pytest.approx(covered, abs=1e-9)
+
+
+def test_a_curl_beside_a_post_or_beyond_its_end_is_not_covered():
+    item, radius = SHAPES[1], 4e-3
+    points, position, frame = helix_round(item, 1.0, 0.0, radius)
+    beyond = points + 0.06 * frame[:, None, 2]
+    assert winding(beyond, position, frame)[0] == pytest.approx(1.0)
+    assert abs(covered_winding(beyond, np.full(400, radius), item, position, frame)[0]) < 0.2
+    beside = points + 0.05 * frame[:, None, 0]
+    assert abs(winding(beside, position, frame)[0]) < 1e-9
 
 
 # Objects that cannot be

@@ -49,7 +49,7 @@ ROOMS = {
         "sources": SIM_GROUND | {"body", "activation"},
         "running": SIM_GROUND | {"body", "scene", "activation", "sources", "topology"},
         "contact": SIM_GROUND | {"scene", "physics"},
-        "rod": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running"},
+        "rod": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running", "contact"},
         "assembly": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running"},
         "plants": SIM_GROUND | {"body", "scene", "activation", "sources", "running", "rod", "assembly"},
     },

@@ -34,6 +34,7 @@ _HOMES = {
     "octoctrl.sim.body.arm": ("Arm", "LumpedSection"),
     "octoctrl.sim.body.layout": ("Family", "MuscleGroup", "MuscleLayout"),
     "octoctrl.sim.body.muscles": ("MuscleLaw",),
+    "octoctrl.sim.scene.objects": ("Box", "Capsule", "Cylinder", "Fixed", "Free", "Moved", "Plane", "RigidObject", "Sphere", "Springs"),
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
     "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
     "octoctrl.sim.running.recording": ("Recording",),

@@ -99,6 +99,8 @@ class AssemblyCore:
         resting_tone: float | None = None,
         paper_compatible: bool = False,
     ) -> None:
+        if scene.objects:
+            raise OctoctrlError(f"the full arm does not touch objects yet (found '{scene.objects[0].name}'); use the plant 'rod'")
         self.arm, self.scene, self.paper_compatible = arm, scene, paper_compatible
         anatomy = arm.anatomy
         if resting_tone is None:

@@ -91,8 +91,8 @@ def straighten(bodies):
 
 
 @kernel
-def kick_bodies(bodies, h, hold):
-    """Springs (times `hold`), pushes and damping over one step; springs of position are implicit, damping is exact."""
+def kick_bodies(bodies, h):
+    """Springs, pushes and damping over one step; springs of position are implicit, damping is exact."""
     for j in range(bodies.shape[0]):
         body = bodies[j]
         mobility = body[INVERSE_MASS]
@@ -103,7 +103,7 @@ def kick_bodies(bodies, h, hold):
         # phi1: a force keeps its full effect under exact damping.
         share = -np.expm1(-rate * h) / (rate * h) if rate > 0 else 1.0
         turn_share = -np.expm1(-turning * h) / (turning * h) if turning > 0 else 1.0
-        spring, turn_spring = hold * body[SPRING], hold * body[SPRING + 1]
+        spring, turn_spring = body[SPRING], body[SPRING + 1]
         for i in range(3):
             force = body[PUSH + i] + spring * (body[HOME + i] - body[POSITION + i])
             body[VELOCITY + i] = (decay * body[VELOCITY + i] + share * h * mobility * force) / (1 + share * h * h * spring * mobility)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import cache
 from math import ceil, tau
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from ..body.anatomy import OCTOPUS
 from ..body.arm import REST_FRAME, Arm
 from ..body.layout import MuscleLayout
 from ..compiler import BUILDING
-from ..contracts import Floats, Motion, State
+from ..contracts import Floats, Motion, State, joined
 from ..errors import OctoctrlError
 from ..findings import Finding, Stop
 from ..physics.fibre_kernels import law_constants
@@ -22,6 +22,9 @@ from .buffer import node_masses, set_damping, set_joints, set_state
 from .diagnosis import ALTERNATING, TRAIL, alternation, explained, substeps
 from .layout import STATE_ROWS, Row, new_buffer, stride_for
 from .step_limits import predict_limit
+
+if TYPE_CHECKING:
+    from ..contact.surroundings import Surroundings
 
 LARGEST_STEP = 1e-3
 """What ``dt="auto"`` takes at most, s: coarse arms would be stable beyond, but miss the onset of their muscles."""
@@ -33,10 +36,10 @@ _LIMITS: dict[tuple[Arm, Water | None], StepLimit] = {}
 
 
 @cache
-def _muscular_advance(stride: int, layout: MuscleLayout, loaded: bool) -> Callable[..., Any]:
+def _muscular_advance(stride: int, layout: MuscleLayout, loaded: bool, touching: bool) -> Callable[..., Any]:
     from .stepping import muscular_stepper
 
-    return muscular_stepper(stride, layout, loaded)
+    return muscular_stepper(stride, layout, loaded, touching)
 
 
 class RodCore:
@@ -80,8 +83,23 @@ class RodCore:
         self._steppers: dict[bool, Callable[..., Any]] = {}
         self.node_mass = node_masses(sum(self._section.masses) * self._lengths)
         self._fill_parameters()
+        self._around = self._surroundings()
         self.rest()
         self.limit = self._limit_at_rest()
+
+    def _surroundings(self) -> "Surroundings | None":
+        """The scene's objects; None without any."""
+        if not self.scene.objects:
+            return None
+        from ..contact.surroundings import Surroundings
+        from ..contact.world import points_of
+
+        edges, water = self.partitions["arm"], self.scene.water
+        points = points_of(edges, np.asarray(self._section.outer_radius), min(item.bend for item in self.scene.objects))
+        found = Surroundings(self.scene.objects, points, water_density=0.0 if water is None else water.density)
+        place = edges[points.element.astype(int) - 1] + points.share * self._lengths[points.element.astype(int) - 1]
+        found.check(np.stack([np.zeros_like(place), place, np.zeros_like(place)], axis=1))
+        return found
 
     @property
     def rows(self) -> Floats:
@@ -124,7 +142,11 @@ class RodCore:
         levels = np.zeros((len(self.arm.layout), n)) if levels is None else np.asarray(levels, dtype=float)
         both, before = np.stack([levels, levels]), getattr(self, "_h", None)
         scratch = np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))
-        found = predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, both, *scratch, None))
+        around = None if self._around is None else self._around.state()
+        world = () if self._around is None else self._around.world.with_room(1)
+        found = predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, both, None, world, *scratch))
+        if self._around is not None and around is not None:
+            self._around.restore(around)
         if before is not None:
             self._prepare(before)
         return found
@@ -182,6 +204,8 @@ class RodCore:
         points = np.zeros((self.elements + 1, 3))
         points[:, 1] = self.partitions["arm"]
         set_state(self.rows, self.elements, points, np.broadcast_to(REST_FRAME, (self.elements, 3, 3)), REST_FRAME)
+        if self._around is not None:
+            self._around.rest()
 
     def shape(self) -> tuple[Floats, Floats, Floats]:
         """Points (n + 1, 3), frames (n, 3, 3) and stretch (n,) now."""
@@ -191,8 +215,8 @@ class RodCore:
         return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self._lengths
 
     def series(self) -> State:
-        """Nothing beside the shape."""
-        return {}
+        """Of each object of the scene, see `octoctrl.sim.contact.surroundings.Touch`."""
+        return {} if self._around is None else {name: values[0] for name, values in self._around.series().items()}
 
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities (n + 1, 3) of the nodes and spins (n, 3) of the elements now."""
@@ -200,30 +224,56 @@ class RodCore:
         return rows[Row.V1 : Row.V3 + 1, 1 : n + 2].T.copy(), rows[Row.W1 : Row.W3 + 1, 1 : n + 1].T.copy()
 
     def move(self, first: int, inputs: State, clock: Clock) -> Motion:
-        """Take the steps of the samples between the instants of `inputs`; `first` makes no difference."""
-        return self._move(inputs["arm"], inputs.get("loads"), clock.steps)
+        """Take the steps of the samples between the instants of `inputs`, from sample number `first` on."""
+        levels, loads, around = inputs["arm"], inputs.get("loads"), self._around
+        if around is None:
+            return self._move(levels, loads, clock.steps)
+        motions: list[Motion] = []
+        done = 0
+        while done < len(levels) - 1:
+            # An object is let go between two calls.
+            around.release(first + done, clock.sample)
+            free = around.before_release(first + done, clock.sample)
+            part = slice(done, len(levels) if free is None else min(len(levels), done + free + 1))
+            motions.append(self._move(levels[part], None if loads is None else loads[part], clock.steps))
+            done += len(motions[-1].points)
+            if motions[-1].finding:
+                break
+        return joined(motions)
 
     def _move(self, levels: Floats, loads: Floats | None, steps: int) -> Motion:
         n, samples = self.elements, len(levels) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        done, finding, element = self._step(self._h, steps, levels, points, frames, stretch, loads)
-        return Motion(points[:done], frames[:done], stretch[:done], finding=Finding(finding), element=int(element) - 1)
+        world: Any = () if self._around is None else self._around.world.with_room(samples)
+        done, finding, element = self._step(self._h, steps, levels, loads, world, points, frames, stretch)
+        series = {} if self._around is None else self._around.series(world, self._h * steps, steps)
+        return Motion(
+            points[:done],
+            frames[:done],
+            stretch[:done],
+            series={name: values[:done] for name, values in series.items()},
+            finding=Finding(finding),
+            element=int(element) - 1,
+        )
 
     def _step(
-        self, h: float, steps: int, levels: Floats, points: Floats, frames: Floats, stretch: Floats, loads: Floats | None
+        self, h: float, steps: int, levels: Floats, loads: Floats | None, world: Any, points: Floats, frames: Floats, stretch: Floats
     ) -> tuple[int, int, int]:
         """The compiled loop: `steps` of h in each sample -> samples done, finding, element."""
         loaded = loads is not None
         step = self._steppers.get(loaded)
         if step is None:
             with BUILDING:
-                step = self._steppers[loaded] = _muscular_advance(stride_for(self.elements), self.arm.layout, loaded)
+                step = _muscular_advance(stride_for(self.elements), self.arm.layout, loaded, self._around is not None)
+            self._steppers[loaded] = step
         if self._loaded and not loaded:
             self.rows[Row.FORCE1 : Row.COUPLE3 + 1] = 0.0
         self._loaded = loaded
         count, active = np.uint64(self.elements), self._active(levels)
         given = NO_LOADS if loads is None else loads
-        found: tuple[int, int, int] = step(self.buffer, count, h, steps, levels, active, self._scalars, given, points, frames, stretch)
+        found: tuple[int, int, int] = step(
+            self.buffer, count, h, steps, levels, active, self._scalars, given, world, points, frames, stretch
+        )
         return found
 
     def __getstate__(self) -> dict[str, Any]:
@@ -252,12 +302,15 @@ class RodCore:
 
     def state(self) -> State:
         """Copies of the rows that hold the motion."""
-        return {"state": self.rows[:STATE_ROWS, : self.elements + 2].copy()}
+        motion = {"state": self.rows[:STATE_ROWS, : self.elements + 2].copy()}
+        return motion if self._around is None else motion | self._around.state()
 
     def restore(self, state: State) -> None:
         """Write back what `state` returned."""
         self.rows[:STATE_ROWS, : self.elements + 2] = state["state"]
+        if self._around is not None:
+            self._around.restore(state)
 
     def identity(self) -> dict[str, Any]:
         """What a saved state must share."""
-        return {"grading": self.arm.grading, "elements": self.elements}
+        return {"grading": self.arm.grading, "elements": self.elements, "objects": repr(self.scene.objects)}

@@ -11,7 +11,10 @@ import numpy as np
 
 from ..body.layout import Family
 from ..compiler import kernel
+from ..contact.body_kernels import drift_bodies, kick_bodies
+from ..contact.note_kernels import note
 from ..physics.fibre_kernels import LawConstants
+from .contact_kernels import rod_contact_kernels
 from .elastic_kernels import frame_kernel, rod_kernels
 from .guard_kernels import FINE, guard_kernel, record_kernel
 from .layout import offsets
@@ -33,7 +36,7 @@ class MuscleScalars(NamedTuple):
     wet: bool
 
 
-def muscular_stepper(stride, layout, loaded=False):
+def muscular_stepper(stride, layout, loaded=False, touching=False):
     """Compile the loop of a rod with muscle fibres.
 
     Parameters
@@ -43,20 +46,24 @@ def muscular_stepper(stride, layout, loaded=False):
     layout : MuscleLayout
     loaded : bool
         Whether loads act from outside.
+    touching : bool
+        Whether there are bodies to touch. Of what there is not, nothing is compiled.
 
     Returns
     -------
     advance : compiled function
-        ``advance(buffer, n, h, steps, levels, active, scalars, loads, points, directors, stretch)`` takes `steps` steps of `h` for each
-        of the samples, whose count is the length of `points`, and fills the three arrays. Returns ``(samples done, finding, element)``;
-        `levels` (samples + 1, groups, n), linear in time between samples, `active` (samples, groups) bool, which groups differ from zero
-        in each (others are left out, which changes no bit), and `loads` as in `octoctrl.sim.scene.loads.sampled_loads`.
+        ``advance(buffer, n, h, steps, levels, active, scalars, loads, world, points, directors, stretch)`` takes `steps` steps of `h`
+        for each of the samples, whose count is the length of `points`, and fills the three arrays. Returns ``(samples done, finding,
+        element)``; `levels` (samples + 1, groups, n), linear in time between samples, `active` (samples, groups) bool, which groups
+        differ from zero in each (others are left out, which changes no bit), `loads` as in `octoctrl.sim.scene.loads.sampled_loads`,
+        and `world` an `octoctrl.sim.contact.world.World`, or an empty tuple.
     """
     drift, strain, curvature, curvature_rate, moment, transport, kick, water = rod_kernels(stride)
     measure, straight, wound, apply, remember, brake, relax = section_kernels(stride, layout)
     longitudinal, oblique, transverse = fibre_kernels(stride)
     guard, straighten, record = guard_kernel(stride), frame_kernel(stride), record_kernel(stride)
     load = load_kernel(stride)
+    watch, touch, follow = rod_contact_kernels(stride)
     LEVEL = offsets(stride)["LEVEL"]
     families, places = layout.families, layout.places
     groups, along, across = len(layout), int(Family.LONGITUDINAL), int(Family.TRANSVERSE)
@@ -67,9 +74,12 @@ def muscular_stepper(stride, layout, loaded=False):
             b[LEVEL + k] = (1 - share) * before[k - ONE] + share * after[k - ONE]
 
     @kernel
-    def advance(b, n, h, steps, levels, active, scalars, loads, points, directors, stretch):
+    def advance(b, n, h, steps, levels, active, scalars, loads, world, points, directors, stretch):
         nu, elastic = scalars.hoop_ratio, scalars.elastic
         for sample in range(points.shape[0]):
+            if touching:
+                near = watch(b, world.points, world.bodies, h * steps, world.pairs)
+                drift_bodies(world.bodies, 0.5 * h)
             drift(b, n, 0.5 * h)
             before, after = levels[sample], levels[sample + 1]
             changing = True
@@ -99,9 +109,17 @@ def muscular_stepper(stride, layout, loaded=False):
                     water(b, n)
                 remember(b, n)
                 kick(b, n)
+                if touching:
+                    kick_bodies(world.bodies, h)
+                    touch(b, world.points, world.bodies, world.anchors, world.pairs, near, h)
                 brake(b, n)
                 relax(b, n)
+                if touching:
+                    follow(b, world.points, world.bodies, world.anchors, world.pairs, near, h)
+                    drift_bodies(world.bodies, h if step + 1 < steps else 0.5 * h)
                 drift(b, n, h if step + 1 < steps else 0.5 * h)
+            if touching:
+                note(world, sample)
             finding, element = guard(b, n)
             if finding != FINE:
                 return sample, finding, element

@@ -3,6 +3,7 @@
 A shape is a class; how an object is held is an object of its own. Everything in SI units, frozen, complete when constructed.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf, isfinite, pi, sqrt
 from typing import ClassVar
@@ -128,7 +129,7 @@ class RigidObject:
     mass: float | None = None
     water_mass: bool = True
     friction: tuple[float, float] = (0.1, 0.1)
-    stiffness: float = 5e5
+    stiffness: float = 2e6
 
     kind: ClassVar[int]
 
@@ -184,6 +185,11 @@ class RigidObject:
     def bound(self) -> float:
         """Radius of the ball around the centre that holds it, m."""
         raise NotImplementedError
+
+    @property
+    def bend(self) -> float:
+        """Smallest radius at which its surface bends, m: how near to one another the points that touch it must be."""
+        return self.sizes[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -307,6 +313,11 @@ class Box(RigidObject):
         """Half the diagonal, m."""
         return sqrt(sum(edge * edge for edge in self.size)) / 2
 
+    @property
+    def bend(self) -> float:
+        """Of its edges: the points are set as for a rod a tenth as thick as its shortest edge."""
+        return min(self.size) / 20
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plane(RigidObject):
@@ -331,6 +342,11 @@ class Plane(RigidObject):
 
     @property
     def bound(self) -> float:
+        """Infinite."""
+        return inf
+
+    @property
+    def bend(self) -> float:
         """Infinite."""
         return inf
 
@@ -363,3 +379,22 @@ def check_vector(name: str, value: object) -> None:
     """
     if not isinstance(value, tuple | list) or len(value) != 3 or not all(isinstance(v, int | float) and isfinite(v) for v in value):
         raise OctoctrlError(f"{name} is {value!r}; three finite numbers are needed, such as (0, 0.04, 0)")
+
+
+def checked_objects(objects: Iterable[RigidObject]) -> tuple[RigidObject, ...]:
+    """Check the objects of a scene.
+
+    Raises
+    ------
+    OctoctrlError
+        If one is no object, or two have one name.
+    """
+    found = tuple(objects)
+    for item in found:
+        if not isinstance(item, RigidObject):
+            raise OctoctrlError(f"{item!r} is no object that an arm can touch; use one of {', '.join(k.__name__ for k in SHAPES.values())}")
+    names = [item.name for item in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise OctoctrlError(f"two objects are called '{name}'; give each a name of its own")
+    return found

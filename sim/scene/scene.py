@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from ..errors import check_number
 from .loads import Load, checked_loads
+from .objects import RigidObject, checked_objects
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,18 +47,22 @@ class Scene:
         None is a vacuum.
     loads : tuple of Load
         Forces and torques on the arm from outside, see `octoctrl.sim.scene.loads`.
+    objects : tuple of RigidObject
+        What the arm may touch, see `octoctrl.sim.scene.objects`.
 
     Raises
     ------
     OctoctrlError
-        If something else than a load is among the loads.
+        If something else than a load is among the loads, or something else than an object, or a name twice, among the objects.
     """
 
     water: Water | None = field(default=Water())
     loads: tuple[Load, ...] = ()
+    objects: tuple[RigidObject, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "loads", checked_loads(self.loads))
+        object.__setattr__(self, "objects", checked_objects(self.objects))
 
     @classmethod
     def free(cls, *, loads: tuple[Load, ...] = (), **water: float) -> "Scene":

@@ -1,0 +1,114 @@
+"""All that an arm may touch, as the arrays that compiled loops take along."""
+
+from collections.abc import Sequence
+from math import ceil, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.objects import RigidObject
+from .bodies import rows_of
+from .columns import Anchor, Body
+
+Floats = NDArray[np.float64]
+
+ROUGHNESS = 0.01
+"""Share of the radius by which balls in a row may be hollower than the arm between them."""
+
+
+class Points(NamedTuple):
+    """Material points of a rod, P of them.
+
+    Attributes
+    ----------
+    element : (P,) uint64
+        Counted from 1, as in the rod's buffer.
+    share : (P,) float64
+        Place within the element.
+    radius : (P,) float64, m
+        At rest.
+    length : (P,) float64, m
+        Of the rod that a point stands for.
+    """
+
+    element: NDArray[np.uint64]
+    share: Floats
+    radius: Floats
+    length: Floats
+
+
+class World(NamedTuple):
+    """Bodies and what the arm's points have to do with them; M bodies, P points, room for T samples of notes.
+
+    Attributes
+    ----------
+    points : Points
+    bodies : (M, Body.WIDTH) float64
+    anchors : (M, P, Anchor.WIDTH) float64
+    pairs : (M P, 2) int64
+        Point and body of the pairs that may meet in the present sample.
+    notes : (T, M, Body.WIDTH) float64
+        The bodies at the end of each sample.
+    loads : (T, M, P, 2) float64
+        Normal force (N) and path slid (m) at each point, at the end of each sample.
+    """
+
+    points: Points
+    bodies: Floats
+    anchors: Floats
+    pairs: NDArray[np.int64]
+    notes: Floats
+    loads: Floats
+
+    @classmethod
+    def of(cls, points: Points, objects: Sequence[RigidObject], *, water_density: float = 0.0) -> "World":
+        """The world at the begin."""
+        count, bodies = len(points.share), rows_of(objects, water_density=water_density)
+        return cls(
+            points=points,
+            bodies=bodies,
+            anchors=np.zeros((len(bodies), count, Anchor.WIDTH)),
+            pairs=np.zeros((len(bodies) * count, 2), dtype=np.int64),
+            notes=np.empty((0, len(bodies), Body.WIDTH)),
+            loads=np.empty((0, len(bodies), count, 2)),
+        )
+
+    def with_room(self, samples: int) -> "World":
+        """The same bodies and anchors, with notes for so many samples."""
+        _, bodies, count, _ = self.loads.shape
+        return self._replace(notes=np.zeros((samples, bodies, Body.WIDTH)), loads=np.zeros((samples, bodies, count, 2)))
+
+
+def points_of(edges: Floats, radius: Floats, thinnest: float = np.inf) -> Points:
+    """Points along a rod, close enough that the row of balls is as smooth as `ROUGHNESS` asks.
+
+    A ball of radius R that touches two balls of radius r at the distance d sinks d^2 / (8 (r + R)) deeper between them than on one.
+
+    Parameters
+    ----------
+    edges : (n + 1,) float64, m
+        Rest arclength of the nodes.
+    radius : (n,) float64, m
+        Of the elements.
+    thinnest : float, m
+        Radius of the thinnest body.
+
+    Returns
+    -------
+    Points
+    """
+    length = np.diff(edges)
+    parts = [max(1, ceil(d / sqrt(8 * ROUGHNESS * r * (r + thinnest)))) for d, r in zip(length, radius, strict=True)]
+    shares = [(2 * np.arange(count) + 1) / (2 * count) for count in parts]
+    element = np.repeat(np.arange(1, len(length) + 1), parts)
+    share = np.concatenate(shares)
+    # Between the middles of two elements the radius changes with the place.
+    middle = (edges[1:] + edges[:-1]) / 2
+    place = edges[element - 1] + share * length[element - 1]
+    return Points(
+        element=element.astype(np.uint64),
+        share=share,
+        radius=np.interp(place, middle, radius),
+        length=np.repeat(length / parts, parts),
+    )

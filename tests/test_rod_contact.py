@@ -1,0 +1,153 @@
+"""The arm as one rod among objects: what it may not change, conservation, restart, what is recorded."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import octoctrl as oc
+from octoctrl.sim.contact.measures import covered_winding, gaps
+from octoctrl.sim.contact.surroundings import Touch
+from octoctrl.sim.contact.world import points_of
+from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.scene.objects import Box, Capsule, Free, Plane, Sphere
+from octoctrl.sim.scene.scene import Scene
+
+POST = Capsule(name="post", radius=8e-3, length=0.08, position=(0.0, 0.07, -0.022), axis=(1, 0, 0))
+CURL = oc.Activation(templates=(oc.Plateau(groups=("LM6", "LM7", "LM8"), level=0.3, rise=1.0, window=(0.05, 0.2)),))
+WRAP = oc.Activation(templates=(oc.Plateau(groups=("LM6", "LM7", "LM8"), level=0.3, rise=3.0, window=(0.05, 0.2)),))
+"""The same, slowly: a grasp that does not depend on how the arm was thrown at the post."""
+
+
+def plant(*objects, **options):
+    return oc.make_plant("rod", scene=Scene(objects=objects), **options)
+
+
+@pytest.fixture(scope="module")
+def touched():
+    return plant(POST).advance(WRAP, 5.0)
+
+
+def radius_of(arm):
+    return np.asarray(arm.section((arm.edges[1:] + arm.edges[:-1]) / 2).outer_radius)
+
+
+def test_an_object_out_of_reach_changes_no_bit():
+    alone, beside = plant().advance(CURL, 0.5), plant(replace(POST, position=(0.5, 0.5, 0.5))).advance(CURL, 0.5)
+    for name in ("points", "frames", "stretch"):
+        np.testing.assert_array_equal(getattr(alone, name), getattr(beside, name))
+    assert not alone.series and not Touch.of(beside.series, "post").normal_force.any()
+
+
+def test_the_arm_lies_on_the_post_and_not_in_it(touched):
+    touch, arm = Touch.of(touched.series, "post"), oc.Arm.octopus()
+    middle = (touched.points[:, 1:] + touched.points[:, :-1]) / 2
+    depth = radius_of(arm) / np.sqrt(touched.stretch) - gaps(middle, POST, touch.position, touch.frame)
+    # 1 % of the base radius.
+    assert depth.max() < 0.14e-3 and touch.deepest.max() < 0.14e-3
+    assert touch.normal_force[-1] > 0.01 and touch.loaded[-1] > 3
+    assert covered_winding(touched.points, radius_of(arm), POST, touch.position, touch.frame)[-1] < -0.6
+
+
+def test_a_held_grasp_is_at_rest(touched):
+    again = plant(POST)
+    again.advance(WRAP, 5.0)
+    assert np.sqrt((again.observe().velocities ** 2).sum(axis=1).mean()) < 0.5e-3
+    touch = Touch.of(touched.series, "post")
+    late = touched.time > 4.5
+    assert np.ptp(touch.normal_force[late]) < 0.02 * touch.normal_force[-1]
+
+
+def test_forces_are_those_that_turn_the_arm_aside(touched):
+    """Without the post the same muscles take the arm elsewhere; the sum of the normal forces bounds the force."""
+    touch = Touch.of(touched.series, "post")
+    assert np.linalg.norm(plant().advance(WRAP, 5.0).points[-1] - touched.points[-1], axis=1).max() > 4e-3
+    assert (np.linalg.norm(touch.force, axis=1) <= 1.0001 * np.hypot(1, 0.1) * touch.normal_force + 1e-12).all()
+
+
+@pytest.mark.parametrize("options", [{"dt": 0.25e-3}, {"elements": 96}, {"stiffness": 2e7}], ids=["step", "elements", "stiffness"])
+def test_a_grasp_does_not_depend_on_step_elements_and_stiffness(touched, options):
+    arm, item = oc.Arm.octopus(elements=options.get("elements", 48)), replace(POST, stiffness=options.get("stiffness", POST.stiffness))
+    again = oc.make_plant("rod", arm, Scene(objects=(item,)), dt=options.get("dt", "auto")).advance(WRAP, 5.0)
+    found = [covered(run, shape) for run, shape in ((touched, oc.Arm.octopus()), (again, arm))]
+    assert found[1] == pytest.approx(found[0], abs=0.05)
+
+
+def covered(run, arm):
+    touch = Touch.of(run.series, "post")
+    return covered_winding(run.points, radius_of(arm), POST, touch.position, touch.frame)[-1]
+
+
+def test_restart_in_contact_is_bit_exact(tmp_path):
+    unbroken = plant(POST)
+    unbroken.advance(CURL, 1.2)
+    unbroken.save(tmp_path / "state.npz")
+    expected = unbroken.advance(CURL, 0.3)
+    other = plant(POST)
+    other.load(tmp_path / "state.npz")
+    found = other.advance(CURL, 0.3)
+    for name in ("points", "frames", "stretch"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    for name, values in expected.series.items():
+        np.testing.assert_array_equal(found.series[name], values)
+    assert Touch.of(found.series, "post").normal_force[0] > 0, "not in contact"
+    with pytest.raises(OctoctrlError, match="objects"):
+        plant().load(tmp_path / "state.npz")
+
+
+def test_a_free_object_receives_what_the_arm_gives():
+    """Its momentum is the integral of the recorded force."""
+    ball = Sphere(name="ball", radius=0.01, position=(0.0, 0.12, -0.032), mass=0.02, support=Free(damping=(0.0, 0.0)), water_mass=False)
+    run = plant(ball, record_every=1).advance(CURL, 0.9)
+    touch = Touch.of(run.series, "ball")
+    impulse = np.concatenate([[np.zeros(3)], np.cumsum(touch.force[1:], axis=0) * np.diff(run.time)[:, None]])
+    assert np.abs(touch.velocity[-1]).max() > 1e-3, "it was not touched"
+    np.testing.assert_allclose(0.02 * touch.velocity, impulse, atol=1e-12)
+
+
+def test_an_object_is_let_go_at_its_time():
+    item = replace(POST, density=200.0, support=Free(since=1.2))
+    run = plant(item, record_every=1).advance(CURL, 1.6)
+    place = Touch.of(run.series, "post").position
+    held = run.time <= 1.2 + 1e-9
+    assert not np.ptp(place[held], axis=0).any() and np.ptp(place[~held], axis=0).max() > 1e-4
+    pieces = plant(item, record_every=1)
+    parts = [pieces.advance(CURL, 0.8) for _ in range(2)]
+    np.testing.assert_array_equal(parts[1].points[-1], run.points[-1])
+
+
+def test_points_are_close_enough_for_thin_objects():
+    arm = oc.Arm.octopus()
+    for thin in (3e-3, 14e-3, np.inf):
+        points = points_of(arm.edges, radius_of(arm), thin)
+        place = arm.edges[points.element.astype(int) - 1] + points.share * np.diff(arm.edges)[points.element.astype(int) - 1]
+        apart, middle = np.diff(place), (points.radius[1:] + points.radius[:-1]) / 2
+        assert (apart**2 / (8 * (middle + thin))).max() < 0.0125 * middle.max()
+        assert points.length.sum() == pytest.approx(arm.length)
+    assert len(points.share) == arm.elements
+
+
+@pytest.mark.parametrize(
+    ("item", "said"),
+    [
+        (replace(POST, position=(0.0, 0.09, -0.01)), "object 'post' overlaps the arm at rest by"),
+        (Box(name="box", size=(0.05, 0.05, 0.05), position=(0.0, 0.1, 0.0)), "object 'box' overlaps the arm at rest by"),
+        (Plane(name="wall", position=(0.0, 0.1, 0.0), axis=(0, -1, 0)), "object 'wall' overlaps the arm at rest by"),
+    ],
+)
+def test_objects_in_the_arm_are_refused_before_the_run(item, said):
+    with pytest.raises(OctoctrlError, match=said):
+        plant(item)
+
+
+def test_two_objects_of_one_name_are_refused():
+    with pytest.raises(OctoctrlError, match="two objects are called 'post'"):
+        Scene(objects=(POST, POST))
+
+
+def test_a_floor_stops_the_arm():
+    floor = Plane(name="floor", position=(0.0, 0.0, -0.03), axis=(0, 0, 1))
+    run = plant(floor).advance(CURL, 2.0)
+    # The tip alone would go 38 mm down; its own radius counts.
+    assert run.points[:, :, 2].min() > -0.03
+    assert Touch.of(run.series, "floor").force[-1, 2] < 0
