@@ -45,6 +45,14 @@ def dotted(path: Path) -> str:
     return text
 
 
+_KEY = r"""(?:"[^"]*"|'[^']*'|[\w-]+)"""
+
+
+def _names(key: str) -> list[str]:
+    """The parts of a dotted key, without their quotes."""
+    return [part.strip("\"'") for part in re.findall(_KEY, key)]
+
+
 def _line_numbers(text: str) -> dict[Path, int]:
     """Map key paths to line numbers by reading headers, assignments and one-line elements of arrays."""
     lines: dict[Path, int] = {}
@@ -59,9 +67,9 @@ def _line_numbers(text: str) -> dict[Path, int]:
             continue
         quoted = toggles
         header = re.match(r"\s*(\[\[?)([^\[\]]+)\]", line)
-        assigned = re.match(r'\s*([\w."-]+)\s*=\s*(.*)', line)
+        assigned = re.match(rf"\s*({_KEY}(?:\s*\.\s*{_KEY})*)\s*=\s*(.*)", line)
         if header and open_array is None:
-            table, names = (), [part.strip().strip('"') for part in header[2].split(".")]
+            table, names = (), _names(header[2])
             for position, part in enumerate(names):
                 table += (part,)
                 if header[1] == "[[" and position == len(names) - 1:
@@ -78,7 +86,7 @@ def _line_numbers(text: str) -> dict[Path, int]:
                 del counts[open_array]
                 open_array = None
         elif assigned:
-            path = (*table, *(part.strip('"') for part in assigned[1].split(".")))
+            path = (*table, *_names(assigned[1]))
             lines.setdefault(path, number)
             if re.fullmatch(r"\[\s*(#.*)?", assigned[2]):
                 open_array, counts[path] = path, 0
@@ -113,7 +121,7 @@ def _element(target: Any, step: str | int, path: Path) -> str | int:
     """Index of an element of a list, given its index or its name."""
     if not isinstance(target, list):
         return str(step)
-    names = [str(item.get("name", "")) for item in target if isinstance(item, dict)]
+    names = [str(item.get("name", "")) if isinstance(item, dict) else "" for item in target]
     if isinstance(step, int) and step < len(target):
         return step
     if step in names:

@@ -245,9 +245,7 @@ def transport_twist(points: Floats, normals: Floats, out: Floats) -> None:
         ux, uy, uz = ux - part * ax, uy - part * ay, uz - part * az
         part = (ux * bx + uy * by + uz * bz) / (1.0 + ax * bx + ay * by + az * bz)
         ux, uy, uz = ux - part * (ax + bx), uy - part * (ay + by), uz - part * (az + bz)
-        vx, vy, vz = normals[k + 1, 0], normals[k + 1, 1], normals[k + 1, 2]
-        part = vx * bx + vy * by + vz * bz
-        vx, vy, vz = vx - part * bx, vy - part * by, vz - part * bz
+        vx, vy, vz = normals[k + 1, 0], normals[k + 1, 1], normals[k + 1, 2]  # u is across b: what of v lies along b does not count
         along = bx * (uy * vz - uz * vy) + by * (uz * vx - ux * vz) + bz * (ux * vy - uy * vx)
         out[k] = math.atan2(along, ux * vx + uy * vy + uz * vz) / (2.0 * math.pi)
 
