@@ -80,7 +80,7 @@ OBJECTS = [
     (lambda: oc.TopologyConvention(pole=(0, 0)), "pole is (0, 0); three finite numbers are needed, not all zero, for example (0, 0, 1)"),
     (lambda: saturated().levels([0.62], np.linspace(0, 0.2, 21)), "activation of LM1 reaches 1.34 at t=0.62 s, s=0.01 m (Plateau 0.80 + Plateau 0.54); scale, shift, or pass on_saturation='clip'"),
     (lambda: oc.Activation(composition="sum"), "unknown composition 'sum' (override, max, add)"),
-    (lambda: tasks.load("coli"), "unknown task 'coli'; did you mean 'coil'? (coil, or the path of a .toml file)"),
+    (lambda: tasks.load("coli"), "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, tip, twist, or the path of a .toml file)"),
     (lambda: tasks.programme("fig2f"), "unknown programme 'fig2f'; did you mean 'fig4f'? (fig2c, fig2e, fig3a, fig3b, fig3c, fig4a, fig4e, fig4f, fig4g, fig4i, si10b, si11a, si9)"),
 ]  # fmt: skip
 
@@ -162,8 +162,8 @@ COMMANDS = [
     (["compare", "cut.npz"], "planned trace covers 0–3.0 s, simulated 0–1.2 s (run stopped early: unstable); comparing 0–1.2 s needs overlap=True"),  # noqa: RUF001
     (["compare", "coil.npz", "--plot", "a.bmp"], "coil.npz holds a plan, not a run; make one with: octoctrl run"),
     (["compare", "cut.npz", "--overlap", "--plot", "a.bmp"], "unknown format '.bmp'; use .png or .pdf or .svg"),
-    (["tasks", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, or the path of a .toml file)"),
-    (["demo", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, or the path of a .toml file)"),
+    (["tasks", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, tip, twist, or the path of a .toml file)"),
+    (["demo", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, tip, twist, or the path of a .toml file)"),
 ]  # fmt: skip
 
 

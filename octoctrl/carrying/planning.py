@@ -72,7 +72,7 @@ def plan(
     from octoctrl.planners.solving import trajectory
 
     found = trajectory.plan(
-        configuration.task,
+        configuration.task.on(arm),
         identified,
         time_limit=configuration.plan.time_limit if time_limit is None else time_limit,
         guess=guess,

@@ -40,13 +40,18 @@ def display(quiet: bool) -> Progress:
 
 def plan_content(plan: "Plan") -> dict[str, Any]:
     """What a program wants to know of a plan."""
+    goals = [
+        {"phase": item.phase, "quantity": item.goal.quantity, "goal": str(item.goal), "miss": item.miss}
+        | {"tolerance": item.goal.tolerance, "unit": item.goal.unit}
+        for item in plan.report.goals
+    ]
     return {
         "status": plan.status.name.lower(),
         "message": plan.status.value,
         "plant": plan.plant,
         "duration": plan.schedule.duration,
         "phase_begins": plan.phase_begins,
-        "report": asdict(plan.report),
+        "report": asdict(plan.report) | {"goals": goals},
     }
 
 
