@@ -161,3 +161,21 @@ def test_parts_run_and_errors_fall_with_the_step(monkeypatch, part):
     assert len(found) >= 4 and all(error >= 0 for error in found) and str(table).count("bend") == len(table.rows)
     if part is benchmark_precision.reduced_precision:
         assert found == sorted(found, reverse=True) and found[0] > 4 * found[-1]
+
+
+def test_leaving_out_changes_no_bit_and_saves_time():
+    plants = [Plant(complete=complete) for complete in (False, True)]
+    runs = [plant.advance(BEND, 0.3) for plant in plants]
+    assert np.array_equal(runs[0].points, runs[1].points) and np.array_equal(plants[0].state()["state"], plants[1].state()["state"])
+    spent = [min(fastest(lambda plant=plant: plant.advance(Activation(), 0.2), 5)[0] for _ in range(3)) for plant in plants]
+    assert spent[0] < spent[1]
+
+
+def test_displacing_moves_the_free_nodes_only():
+    plant = Plant(Arm.octopus(elements=16))
+    before = plant.observe()
+    plant.core.displace(np.full((17, 3), 1e-3), np.full((17, 3), 0.5))
+    after = plant.observe()
+    np.testing.assert_allclose(after.points - before.points, np.r_[np.zeros((1, 3)), np.full((16, 3), 1e-3)], atol=1e-15)
+    np.testing.assert_array_equal(after.velocities, np.r_[np.zeros((1, 3)), np.full((16, 3), 0.5)])
+    assert plant.core.energy()["kinetic"] == pytest.approx(0.5 * plant.core.node_mass[1:].sum() * 0.75)

@@ -161,6 +161,15 @@ def test_front_door_imports_heavy_packages_only_where_used(path):
     assert not {name.partition(".")[0] for name in top} & HEAVY
 
 
+@pytest.mark.parametrize("path", [path for path in MODULES if folder_of(path) == "octoctrl"], ids=identity)
+def test_front_door_asks_by_public_names(path):
+    """Of an object that is not its own it takes no attribute with an underscore, and no rows of a compiled buffer."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Attribute) and not (isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")):
+            private = node.attr.startswith("_") and not node.attr.startswith("__")
+            assert not private and not (node.attr == "rows" and ast.unparse(node.value).endswith("core")), ast.unparse(node)
+
+
 def test_package_list_is_the_folders():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
     assert settings["packages"] == sorted({module_name(path / "__init__.py") for path in {path.parent for path in MODULES}})

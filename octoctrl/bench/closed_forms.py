@@ -1,8 +1,18 @@
 """The elastic rod against closed forms: standing waves of stretch and of twist, and the circle into which a couple bends a rod."""
 
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from ..tables import Table, fastest
+
+if TYPE_CHECKING:
+    from octoctrl.sim.rod.elastic import RodSimulation
+
+Case = tuple["RodSimulation", Callable[[], Any], float]
+"""A rod, what gives its error, and the duration, s."""
 
 LENGTH, RADIUS, DENSITY, YOUNG, SHEAR = 0.2, 0.006, 1050.0, 1e5, 4e4
 PERIODS = 3
@@ -12,7 +22,7 @@ BEND = 2.0
 """Angle through which the couple bends the rod, rad."""
 
 
-def _simulation(elements, share, damping=0.0):
+def _simulation(elements: int, share: float, damping: float = 0.0) -> "RodSimulation":
     from octoctrl.sim.rod.elastic import RodSimulation
     from octoctrl.sim.rod.rod import Rod
 
@@ -26,7 +36,7 @@ def _simulation(elements, share, damping=0.0):
     return sim
 
 
-def stretch_wave(elements, share):
+def stretch_wave(elements: int, share: float) -> Case:
     """Lowest standing wave of stretch of a clamped rod, after whole periods, against v = A sin(pi s / 2 L).
 
     Parameters
@@ -37,7 +47,7 @@ def stretch_wave(elements, share):
 
     Returns
     -------
-    (RodSimulation, callable, float)
+    RodSimulation, callable, float
         The rod, what returns its error over the amplitude, and the duration, s.
     """
     sim = _simulation(elements, share)
@@ -46,17 +56,13 @@ def stretch_wave(elements, share):
     return sim, lambda: np.abs(sim.velocities[:, 1] - shape).max() / AMPLITUDE, PERIODS * 4 * LENGTH / np.sqrt(YOUNG / DENSITY)
 
 
-def twist_wave(elements, share):
+def twist_wave(elements: int, share: float) -> Case:
     """Lowest standing wave of twist, as `stretch_wave`.
 
     Parameters
     ----------
     elements : int
     share : float
-
-    Returns
-    -------
-    (RodSimulation, callable, float)
     """
     sim = _simulation(elements, share)
     shape = AMPLITUDE * np.sin(np.pi * (np.arange(elements) + 0.5) / (2 * elements))
@@ -64,17 +70,13 @@ def twist_wave(elements, share):
     return sim, lambda: np.abs(sim.spins[:, 2] - shape).max() / AMPLITUDE, PERIODS * 4 * LENGTH / np.sqrt(SHEAR / DENSITY)
 
 
-def circle(elements, share):
+def circle(elements: int, share: float) -> Case:
     """Arc of a circle into which a tip couple B k bends a clamped rod (Euler), after the motion has died away; error of the tip over L.
 
     Parameters
     ----------
     elements : int
     share : float
-
-    Returns
-    -------
-    (RodSimulation, callable, float)
     """
     sim = _simulation(elements, share, damping=5.0)
     curvature = BEND / LENGTH
@@ -86,26 +88,16 @@ def circle(elements, share):
 CASES = {"stretch wave": stretch_wave, "twist wave": twist_wave, "circle under a couple": circle}
 
 
-def closed_forms(*, full=False):
-    """Errors against closed forms over elements and step.
-
-    Parameters
-    ----------
-    full : bool
-        Finer rods.
-
-    Returns
-    -------
-    Table
-    """
+def closed_forms(*, full: bool = False) -> Table:
+    """Errors against closed forms over elements and step; with `full` of finer rods."""
     rows = []
     for case, made in CASES.items():
         for elements in (10, 20, 40, 80, 160) if full else (10, 20, 40, 80):
             for share in (1.0, 0.5):
                 sim, error, duration = made(elements, share)
-                spent, wall = fastest(lambda sim=sim, duration=duration: sim.advance(duration), 1)
+                spent, wall = fastest(partial(sim.advance, duration), 1)
                 found = 100 * float(error())
-                again = fastest(lambda sim=sim, duration=duration: sim.advance(duration), 3)
+                again = fastest(partial(sim.advance, duration), 3)
                 spent, wall = min(spent, again[0]), min(wall, again[1])
                 rows.append((case, elements, 1e3 * sim.dt, 1e3 * spent / duration, 1e3 * wall / duration, found))
     return Table(

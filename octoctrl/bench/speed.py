@@ -2,16 +2,15 @@
 
 import os
 import time
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.plants import Plant, warmup
-from octoctrl.sim.rod.core import RodCore
-from octoctrl.sim.rod.layout import STATE_ROWS
-from octoctrl.sim.running.clock import Clock
-from octoctrl.sim.running.plant import Plant as CorePlant
 from octoctrl.sim.scene.scene import Scene
 
 from ..tables import Table, fastest
@@ -21,35 +20,12 @@ WINDOW = 0.5
 """Simulated time of the stretches that are timed, s."""
 
 
-class _Unskipped(RodCore):
-    """A rod that evaluates every active law and the drag of the water, needed or not."""
-
-    def start(self, clock: Clock) -> None:
-        super().start(clock)
-        self._scalars = self._scalars._replace(wet=True)
-
-    @staticmethod
-    def _active(levels):
-        return np.ones((len(levels) - 1, len(MUSCLE_GROUPS)), dtype=bool)
-
-
-def _held(*groups):
+def _held(*groups: str) -> Activation:
     return Activation(templates=(Plateau(groups=groups, level=LEVEL),)) if groups else Activation()
 
 
-def elastic_rod(elements, steps=500):
-    """Time of a step of an elastic rod with damping, per element.
-
-    Parameters
-    ----------
-    elements : int
-    steps : int
-        In each stretch that is timed.
-
-    Returns
-    -------
-    float, s
-    """
+def elastic_rod(elements: int, steps: int = 500) -> float:
+    """Time of a step of an elastic rod with damping, s per element of so many `elements`; so many `steps` are timed at a time."""
     from octoctrl.sim.rod.elastic import RodSimulation
     from octoctrl.sim.rod.rod import Rod
 
@@ -60,20 +36,16 @@ def elastic_rod(elements, steps=500):
     return spent / steps / elements
 
 
-def arm_step(elements, groups, times=20):
-    """Time of a step of the arm, all included, per element; and how much faster than real time it is.
+def arm_step(elements: int, groups: Sequence[str], times: int = 20) -> tuple[float, float]:
+    """Time of a step of the arm, all included, s per element, and how much faster than real time it is.
 
     Parameters
     ----------
     elements : int
-    groups : tuple of str
+    groups : sequence of str
         Active at `LEVEL`.
     times : int
-
-    Returns
-    -------
-    (float, float)
-        s, and a ratio.
+        How often it is timed.
     """
     plant, activation = Plant(Arm.octopus(elements=elements)), _held(*groups)
     plant.advance(activation, 0.5)
@@ -81,23 +53,13 @@ def arm_step(elements, groups, times=20):
     return spent / (WINDOW / plant.h) / elements, WINDOW / spent
 
 
-def scaling(*, full=False):
-    """Time of a step over elements and active groups, and the throughput of a batch over threads.
-
-    Parameters
-    ----------
-    full : bool
-        More elements, more arms.
-
-    Returns
-    -------
-    Table
-    """
+def scaling(*, full: bool = False) -> Table:
+    """Time of a step over elements and active groups, and the throughput of a batch over threads; with `full` of more of both."""
     from octoctrl.sim.running.batch import simulate_batch
 
     warmup()
     counts = (48, 100, 200, 500, 1000) if full else (48, 100, 1000)
-    rows = [("elastic rod with damping", n, 1e9 * elastic_rod(n), None, None) for n in counts]
+    rows: list[tuple[Any, ...]] = [("elastic rod with damping", n, 1e9 * elastic_rod(n), None, None) for n in counts]
     for name, groups in (("arm, no group active", ()), ("arm, one group", ("LM1",)), ("arm, all groups", MUSCLE_GROUPS)):
         for n in counts:
             cost, speed = arm_step(n, groups, 40 if n < 500 else 8)
@@ -119,53 +81,43 @@ def scaling(*, full=False):
     )  # fmt: skip
 
 
-def _compared(activation, **settings):
+def _compared(activation: Activation, scene: Scene) -> tuple[float, float, bool]:
     """Seconds per step with and without skipping, in turns, and whether the motion is the same to the bit."""
-    usual = Plant(**settings)
-    plants = [usual, CorePlant(_Unskipped(usual.arm, usual.scene), usual.clock)]
+    plants = [Plant(scene=scene), Plant(scene=scene, complete=True)]
     spent = [np.inf, np.inf]
     for _ in range(40):
         for index, plant in enumerate(plants):
             begin = time.process_time()
             plant.advance(activation, WINDOW)
             spent[index] = min(spent[index], time.process_time() - begin)
-    states = [plant.core.rows[:STATE_ROWS, : plant.elements + 2] for plant in plants]
-    return [value / (WINDOW / plants[0].h) for value in spent], bool(np.array_equal(*states))
+    one, other = (plant.state() for plant in plants)
+    same = all(np.array_equal(one[name], other[name]) for name in one)
+    return spent[0] * plants[0].h / WINDOW, spent[1] * plants[0].h / WINDOW, same
 
 
-def skips(*, full=False):
-    """What leaving out saves.
-
-    Parameters
-    ----------
-    full : bool
-        The assembly too, which the rod arm does without.
-
-    Returns
-    -------
-    Table
-    """
+def skips(*, full: bool = False) -> Table:
+    """What leaving out saves; with `full` also what the rod arm does without."""
     warmup()
     cases = {
-        "active laws of all groups, none active": (_held(), {}),
-        "active laws of ten groups, LM1 active": (_held("LM1"), {}),
-        "active laws of three groups, all LM active": (_held(*MUSCLE_GROUPS[:8]), {}),
-        "drag and laws of ten groups, vacuum, LM1 active": (_held("LM1"), {"scene": Scene(water=None)}),
+        "active laws of all groups, none active": (_held(), Scene()),
+        "active laws of ten groups, LM1 active": (_held("LM1"), Scene()),
+        "active laws of three groups, all LM active": (_held(*MUSCLE_GROUPS[:8]), Scene()),
+        "drag and laws of ten groups, vacuum, LM1 active": (_held("LM1"), Scene(water=None)),
     }
     rows = []
-    for name, (activation, settings) in cases.items():
-        (skipped, whole), same = _compared(activation, **settings)
+    for name, (activation, scene) in cases.items():
+        skipped, whole, same = _compared(activation, scene)
         rows.append((name, 1e6 * skipped, 1e6 * whole, 100 * (1 - skipped / whole), "same bits" if same else "DIFFERENT"))
     for name, every in (("recording, one instant instead of fifty", 100),):
         plants = Plant(record_every=every), Plant()
-        costs = [fastest(lambda plant=plant: plant.advance(_held("LM1"), WINDOW), 40)[0] / (WINDOW / plant.h) for plant in plants]
+        costs = [fastest(partial(plant.advance, _held("LM1"), WINDOW), 40)[0] / (WINDOW / plant.h) for plant in plants]
         rows.append((name, 1e6 * costs[0], 1e6 * costs[1], 100 * (1 - costs[0] / costs[1]), "same bits"))
     if full:
         from octoctrl.sim.plants import make_plant
 
         rod, assembly = Plant(), make_plant("assembly")
         assembly.advance(_held("LM1"), assembly.sample_interval)
-        costs = [fastest(lambda plant=plant: plant.advance(_held("LM1"), 0.02), 4)[0] / 0.02 * rod.h for plant in (rod, assembly)]
+        costs = [fastest(partial(plant.advance, _held("LM1"), 0.02), 4)[0] / 0.02 * rod.h for plant in (rod, assembly)]
         rows.append(
             ("rings, helices, cord: 196 of 197 rods", 1e6 * costs[0], 1e6 * costs[1], 100 * (1 - costs[0] / costs[1]), "another model")
         )

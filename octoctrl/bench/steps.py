@@ -1,14 +1,25 @@
 """Predicted against found step limits: power iteration on one side, bisection over whole runs on the other, for every kind of load."""
 
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 from octoctrl.sim.errors import PlantUnstableError
-from octoctrl.sim.rod.layout import STATE_ROWS, Row
+from octoctrl.sim.rod.layout import Row
+from octoctrl.sim.running.clock import StepLimit
 from octoctrl.sim.scene.scene import Scene
 
 from ..tables import Table
+
+if TYPE_CHECKING:
+    from octoctrl.sim.rod.elastic import RodSimulation
+
+Floats = NDArray[np.float64]
 
 SEED = 1e-6
 """Random velocities (m/s) from which a mode can grow, where symmetry would leave it exactly zero."""
@@ -30,13 +41,8 @@ GROUPS = {
 }
 
 
-def arm_families():
-    """Loads of the arm by name: activation and scene.
-
-    Returns
-    -------
-    dict of str to (Activation, Scene)
-    """
+def arm_families() -> dict[str, tuple[Activation, Scene]]:
+    """Loads of the arm by name: activation and scene."""
     found = {"none": (Activation(), Scene())}
     for name, groups in GROUPS.items():
         for level in (0.3, 1.0):
@@ -45,20 +51,14 @@ def arm_families():
     return found | {"LM1 at 0.3, vacuum": (bend, Scene(water=None)), "LM1 at 0.3, ten times the drag": (bend, Scene.free(factor=10.0))}
 
 
-def stir(rows, n):
-    """Give the free nodes of a rod small random velocities.
-
-    Parameters
-    ----------
-    rows : (rows, stride) float64
-    n : int
-        Elements.
-    """
-    free = rows[Row.NODE_MOBILITY, 1 : n + 2] > 0
-    rows[Row.V1 : Row.V3 + 1, 1 : n + 2] += SEED * free * np.random.default_rng(2).normal(size=(3, n + 1))
+def stirring(elements: int) -> Floats:
+    """Small random velocities (n + 1, 3) for the nodes of a rod of so many `elements` that is clamped at its base, m/s."""
+    velocities = SEED * np.random.default_rng(2).normal(size=(3, elements + 1)).T
+    velocities[0] = 0.0
+    return velocities
 
 
-def arm_prediction(activation, scene, instants=20):
+def arm_prediction(activation: Activation, scene: Scene, instants: int = 20) -> tuple[StepLimit, StepLimit, Floats]:
     """Step limits of an arm along its motion under a load.
 
     Parameters
@@ -85,7 +85,7 @@ def arm_prediction(activation, scene, instants=20):
     return limits[0], min(limits, key=lambda limit: limit.step), plant.observe().points[-1]
 
 
-def arm_is_stable(h, activation, scene, tip, steps=10):
+def arm_is_stable(h: float, activation: Activation, scene: Scene, tip: Floats, steps: int = 10) -> bool:
     """Whether an arm comes through a load at the step h, with the tip where it should be and without chatter.
 
     Parameters
@@ -97,44 +97,39 @@ def arm_is_stable(h, activation, scene, tip, steps=10):
         Where the run should end.
     steps : int
         In each sample.
-
-    Returns
-    -------
-    bool
     """
     from octoctrl.sim.plants import Plant
 
     plant = Plant(scene=scene, sample_interval=steps * h)
     plant.set_steps(steps)
-    stir(plant.core.rows, plant.elements)
-
-    def velocities():
-        return plant.core.rows[Row.V1 : Row.V3 + 1, 1 : plant.elements + 2].T
-
+    plant.core.displace(velocities=stirring(plant.elements))
     peak, count = SEED, round(DURATION / plant.sample_interval)
     try:
         for _ in range(4):
             plant.advance(activation, max(1, count // 4) * plant.sample_interval)
-            peak = max(peak, np.linalg.norm(velocities(), axis=1).mean())
+            peak = max(peak, np.linalg.norm(plant.observe().velocities, axis=1).mean())
     except PlantUnstableError:
         return False
-    rough = np.linalg.norm(np.diff(velocities(), 2, axis=0), axis=1).mean() / peak
+    rough = np.linalg.norm(np.diff(plant.observe().velocities, 2, axis=0), axis=1).mean() / peak
     away = np.linalg.norm(plant.observe().points[-1] - tip) / plant.arm.length
     # An arm that never moved keeps nothing but its seed, which is rough.
     return bool(away < ASTRAY and (rough < ROUGH or peak < 2 * SEED))
 
 
-def rod_families():
-    """Elastic rods of which each stresses one mechanism, at rest, stretched and bent, ready to be advanced.
-
-    Returns
-    -------
-    dict of str to RodSimulation
-    """
+def rod_families() -> "dict[str, RodSimulation]":
+    """Elastic rods of which each stresses one mechanism, at rest, stretched and bent, ready to be advanced."""
     from octoctrl.sim.rod.elastic import RodSimulation
     from octoctrl.sim.rod.rod import Rod
 
-    def rod(radius=0.01, young=1e5, shear=4e4, coefficient=0.9, elements=40, fibres=1.0, **load):
+    def rod(
+        radius: float = 0.01,
+        young: float = 1e5,
+        shear: float = 4e4,
+        coefficient: float = 0.9,
+        elements: int = 40,
+        fibres: float = 1.0,
+        **load: tuple[float, float, float],
+    ) -> RodSimulation:
         sim = RodSimulation(
             Rod.straight(
                 length=0.2, radius=radius, elements=elements, density=1050.0, youngs_modulus=young, shear_modulus=shear,
@@ -160,7 +155,7 @@ def rod_families():
     }
 
 
-def rod_is_stable(sim, h, steps=4000):
+def rod_is_stable(sim: "RodSimulation", h: float, steps: int = 4000) -> bool:
     """Whether a rod stays where it is at the step h.
 
     Parameters
@@ -169,14 +164,10 @@ def rod_is_stable(sim, h, steps=4000):
         It is left as found.
     h : float, s
     steps : int
-
-    Returns
-    -------
-    bool
     """
-    good, time, dt = sim.rows[:STATE_ROWS].copy(), sim.time, sim.dt
+    good, dt = sim.state(), sim.dt
     before = np.abs(sim.velocities).max()
-    stir(sim.rows, sim.elements)
+    sim.velocities = sim.velocities + stirring(sim.elements)
     sim.dt = h
     try:
         sim.advance(steps * h)
@@ -184,10 +175,11 @@ def rod_is_stable(sim, h, steps=4000):
     except PlantUnstableError:
         return False
     finally:
-        sim.rows[:STATE_ROWS], sim.time, sim.dt = good, time, dt
+        sim.restore(good)
+        sim.dt = dt
 
 
-def bisect(stable, guess, tolerance=0.02):
+def bisect(stable: Callable[[float], bool], guess: float, tolerance: float = 0.02) -> float:
     """Largest stable step, between a quarter and four times a guess.
 
     Parameters
@@ -214,31 +206,21 @@ def bisect(stable, guess, tolerance=0.02):
     return float(low)
 
 
-def steps(*, full=False):
-    """Predicted against found step limits.
-
-    Parameters
-    ----------
-    full : bool
-        Makes no difference.
-
-    Returns
-    -------
-    Table
-    """
+def steps(*, full: bool = False) -> Table:
+    """Predicted against found step limits; `full` makes no difference."""
     from octoctrl.sim.plants import Plant, warmup
 
     warmup()
     rows = []
     for name, sim in rod_families().items():
         limit = sim.step_limit()
-        found = bisect(lambda h, sim=sim: rod_is_stable(sim, h), limit.step)
+        found = bisect(partial(rod_is_stable, sim), limit.step)
         rows.append(
             (name, 1e3 * sim.limit.step, 1e3 * limit.step, limit.mechanism, 1e3 * found, limit.step / found, 0.8 * sim.limit.step / found)
         )
     for name, (activation, scene) in arm_families().items():
         rest, lowest, tip = arm_prediction(activation, scene)
-        found = bisect(lambda h, load=(activation, scene, tip): arm_is_stable(h, *load), lowest.step)
+        found = bisect(partial(arm_is_stable, activation=activation, scene=scene, tip=tip), lowest.step)
         auto = Plant(scene=scene).h
         rows.append((name, 1e3 * rest.step, 1e3 * lowest.step, lowest.mechanism, 1e3 * found, lowest.step / found, auto / found))
     return Table(

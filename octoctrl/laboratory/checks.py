@@ -106,13 +106,10 @@ def passive_energy(plant: Any) -> float:
     -------
     float
     """
-    from octoctrl.sim.rod.buffer import joint_curvature, rod_energy
-
-    arm, n = plant.arm, plant.elements
-    total = sum(rod_energy(plant.core.rows, n, plant.core.node_mass, constant_section=False).values())
+    arm, total = plant.arm, sum(plant.core.energy().values())
     section = arm.section((arm.edges[1:] + arm.edges[:-1]) / 2)
     length, stretch = np.diff(arm.edges), plant.observe().stretch
-    joints = joint_curvature(plant.core.rows, n)
+    joints = plant.core.curvature().T
     bend1, bend2, twist = (joints + np.concatenate([joints[:, 1:], joints[:, -1:]], axis=1)) / 2
     radius = stretch**-arm.lumped.hoop_ratio
     cord, longitudinal, ring, oblique = section.areas

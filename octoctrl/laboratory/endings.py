@@ -108,7 +108,6 @@ class _Run:
     def _plant(self, finer: int = 1, displacement: float = 0.0) -> Plant:
         """The trial's plant at its begin; at a part of the step, or with its nodes displaced at random."""
         from octoctrl.sim.body.arm import Arm
-        from octoctrl.sim.rod.layout import Row
         from octoctrl.sim.scene.scene import Scene
 
         trial = self.trial
@@ -120,10 +119,11 @@ class _Run:
             plant = Plant(arm, scene, dt=trial.step * plant.limit.step)
         if finer > 1:
             plant = Plant(arm, scene, dt=plant.h / finer)
-        nodes = plant.core.rows[Row.X1 : Row.X3 + 1, 2 : plant.elements + 2]
-        nodes[1] *= trial.stretch
+        shift = np.zeros((plant.elements + 1, 3))
+        shift[:, 1] = (trial.stretch - 1) * plant.edges
         if displacement:
-            nodes += displacement * arm.length * np.random.default_rng(0).standard_normal(nodes.shape)
+            shift[1:] += displacement * arm.length * np.random.default_rng(0).standard_normal((plant.elements, 3))
+        plant.core.displace(shift)
         return plant
 
     def judged(self) -> dict[str, Any]:

@@ -60,11 +60,11 @@ def long_run(steps: int = STEPS, pieces: int = 20, progress: Progress | None = N
 
 
 def _momenta(simulation: Any) -> tuple[Floats, Floats]:
-    from octoctrl.sim.rod.layout import Row
-
     moving = simulation.node_mass[:, None] * simulation.velocities
-    inertia = simulation.rows[Row.INERTIA1 : Row.INERTIA3 + 1, 1 : simulation.elements + 1].T
-    spin = np.einsum("kij,ki->j", simulation.frames, inertia * simulation.spins)
+    rod = simulation.rod
+    # A disc of radius r turns about its diameter with m r^2 / 4, about its axis with twice that.
+    discs = rod.density * np.pi * rod.radius**4 / 4 * np.linalg.norm(np.diff(rod.points, axis=0), axis=1)
+    spin = np.einsum("kij,ki->j", simulation.frames, discs[:, None] * [1.0, 1.0, 2.0] * simulation.spins)
     return moving.sum(axis=0), np.cross(simulation.points, moving).sum(axis=0) + spin
 
 
@@ -83,7 +83,6 @@ def settled_speed(progress: Progress | None = None) -> dict[str, float]:
     """
     from octoctrl.sim.activation import Activation, Plateau
     from octoctrl.sim.plants import Plant
-    from octoctrl.sim.rod.layout import Row
 
     pull = Activation(templates=(Plateau(groups=("LM1", "R-OM"), level=0.3, rise=0.1, offset=PULSE - 0.2, fall=0.1),))
     if progress is not None:
@@ -101,5 +100,5 @@ def settled_speed(progress: Progress | None = None) -> dict[str, float]:
     moved, moving = step_time(pull, PULSE)
     rested, rest = step_time(pull, PULSE + REST)
     _, never = step_time(Activation(), 0.05)
-    speeds = np.abs(rested.core.rows[Row.V1 : Row.V3 + 1, 2 : rested.elements + 2])
+    speeds = np.abs(rested.observe().velocities[1:])
     return {"moving": moving, "rest": rest, "never": never, "smallest": float(speeds[speeds > 0].min(initial=np.inf)), "step": moved.h}

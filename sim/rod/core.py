@@ -6,7 +6,7 @@ from math import ceil, tau
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..body.anatomy import OCTOPUS
 from ..body.arm import REST_FRAME, Arm
@@ -18,7 +18,7 @@ from ..findings import Finding, Stop
 from ..physics.fibre_kernels import law_constants
 from ..running.clock import SAFETY, Clock, StepLimit
 from ..scene.scene import Scene, Water
-from .buffer import node_masses, set_damping, set_joints, set_state
+from .buffer import joint_curvature, node_masses, rod_energy, set_damping, set_joints, set_state
 from .diagnosis import ALTERNATING, TRAIL, alternation, explained, substeps
 from .layout import STATE_ROWS, Row, new_buffer, stride_for
 from .step_limits import predict_limit
@@ -49,6 +49,8 @@ class RodCore:
     ----------
     arm : Arm
     scene : Scene
+    complete : bool
+        Whether every active law and the drag are evaluated, needed or not: to measure what leaving them out saves. No bit differs.
 
     Attributes
     ----------
@@ -68,7 +70,7 @@ class RodCore:
     """Driven tips now and then outrun the step at rest."""
     period = 0.05
 
-    def __init__(self, arm: Arm, scene: Scene) -> None:
+    def __init__(self, arm: Arm, scene: Scene, *, complete: bool = False) -> None:
         if arm.anatomy is not OCTOPUS:
             raise OctoctrlError(
                 f"arm '{arm.name}' is not built as an octopus arm, as the one-rod plant is; use make_plant('assembly', arm)"
@@ -79,7 +81,7 @@ class RodCore:
         self._lengths = np.diff(edges)
         self._section = arm.section((edges[1:] + edges[:-1]) / 2)
         self.buffer, _ = new_buffer(self.elements)
-        self._loaded = False
+        self._complete, self._loaded = complete, False
         self._steppers: dict[bool, Callable[..., Any]] = {}
         self.node_mass = node_masses(sum(self._section.masses) * self._lengths)
         self._fill_parameters()
@@ -196,7 +198,7 @@ class RodCore:
             longitudinal=law_constants(arm.longitudinal),
             oblique=law_constants(arm.oblique, arm.lumped.oblique_passive),
             transverse=law_constants(arm.transverse),
-            wet=self.scene.water is not None and self.scene.water.factor > 0,
+            wet=self._complete or (self.scene.water is not None and self.scene.water.factor > 0),
         )
 
     def rest(self) -> None:
@@ -269,7 +271,8 @@ class RodCore:
         if self._loaded and not loaded:
             self.rows[Row.FORCE1 : Row.COUPLE3 + 1] = 0.0
         self._loaded = loaded
-        count, active = np.uint64(self.elements), self._active(levels)
+        count = np.uint64(self.elements)
+        active = np.ones((len(levels) - 1, levels.shape[1]), dtype=bool) if self._complete else self._active(levels)
         given = NO_LOADS if loads is None else loads
         found: tuple[int, int, int] = step(
             self.buffer, count, h, steps, levels, active, self._scalars, given, world, points, frames, stretch
@@ -310,6 +313,28 @@ class RodCore:
         self.rows[:STATE_ROWS, : self.elements + 2] = state["state"]
         if self._around is not None:
             self._around.restore(state)
+
+    def displace(self, shift: ArrayLike = 0.0, velocities: ArrayLike = 0.0) -> None:
+        """Move the nodes that are free to.
+
+        Parameters
+        ----------
+        shift : (n + 1, 3) array_like, m
+        velocities : (n + 1, 3) array_like, m/s
+            What is added to theirs.
+        """
+        nodes = slice(1, self.elements + 2)
+        free = self.rows[Row.NODE_MOBILITY, nodes] > 0
+        self.rows[Row.X1 : Row.X3 + 1, nodes] += free * np.transpose(shift)
+        self.rows[Row.V1 : Row.V3 + 1, nodes] += free * np.transpose(velocities)
+
+    def energy(self) -> dict[str, float]:
+        """Kinetic energy, and elastic energy of the straight rods about their own axes, J; what muscle tissue stores is not in it."""
+        return rod_energy(self.rows, self.elements, self.node_mass, constant_section=False)
+
+    def curvature(self) -> Floats:
+        """Curvature (n, 3) of the joints in the material frame, 1/m, base first."""
+        return joint_curvature(self.rows, self.elements).T
 
     def identity(self) -> dict[str, Any]:
         """What a saved state must share."""
