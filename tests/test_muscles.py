@@ -116,7 +116,18 @@ def test_compiled_secant_is_the_force_velocity_law(law):
     assert hill_secant(constants, -1e-12) == pytest.approx((1 + 1 / law.curvature) / law.maximum_rate)
 
 
-@pytest.mark.parametrize("changes", [{"maximum_stress": -1.0}, {"maximum_rate": 0.0}, {"curvature": float("nan")}, {"slack": -0.1}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"maximum_stress": -1.0},
+        {"maximum_rate": 0.0},
+        {"curvature": float("nan")},
+        {"slack": -0.1},
+        {"active": (1.0,)},
+        {"passive": (float("nan"),) * 9},
+        {"range": (1.2, 1.8)},
+    ],
+)
 def test_bad_laws_are_refused(changes):
     with pytest.raises(OctoctrlError, match=next(iter(changes))):
         replace(LONGITUDINAL, **changes)

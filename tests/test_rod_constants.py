@@ -4,6 +4,8 @@ Starting from a shape at rest, a step h gives a node h F / m and an element h C 
 the motion itself. The arm has no taper, so that every section is the same; its numbers are written here once more from the anatomy.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
 from octoctrl.sim.rod.core import RodCore
 from octoctrl.sim.rod.layout import Row
 from octoctrl.sim.rotations import rotation_matrix
+from octoctrl.sim.scene.loads import FORCE, TORQUE
 from octoctrl.sim.scene.scene import Scene, Water
 
 N, LENGTH = 20, 0.2
@@ -48,15 +51,21 @@ def inside(rod, row, values):
     rod.rows[row : row + 3, 1 : N + 1 + (row in (Row.X1, Row.V1))] = np.asarray(values).T
 
 
-def answer(rod, levels=None, h=INSTANT):
-    """Accelerations (n + 1, 3) of nodes in the lab frame and (n, 3) of elements in their own."""
+def answer(rod, levels=None, *, forces=None, couples=None, h=INSTANT):
+    """Accelerations (n + 1, 3) of nodes in the lab frame and (n, 3) of elements in their own, under loads of the same shapes."""
     levels = {} if levels is None else levels
     both = np.zeros((2, len(rod.arm.layout), N))
     for group, level in levels.items():
         both[:, rod.arm.layout.index(group)] = level
-    rod._prepare(h)
+    loads = np.zeros((2, 2, 3, N + 1))
+    if forces is not None:
+        loads[:, FORCE] = forces.T
+    if couples is not None:
+        loads[:, TORQUE, :, :N] = couples.T
+    clock = SimpleNamespace(step=h, steps=1)
+    rod.start(clock)
     velocities, spins = rod.speeds()
-    rod._step(h, 1, both, np.empty((1, N + 1, 3)), np.empty((1, N, 3, 3)), np.empty((1, N)))
+    rod.move(0, {"arm": both, "loads": loads}, clock)
     after = rod.speeds()
     return (after[0] - velocities) / h, (after[1] - spins) / h
 
@@ -70,8 +79,7 @@ def test_masses_of_the_layers_are_those_of_the_anatomy():
 def test_nodes_have_the_mass_of_their_share():
     rod = core()
     weight = np.array([1.0, -2.0, 3.0])
-    rod.rows[Row.FORCE1 : Row.FORCE3 + 1, 2 : N + 2] = weight[:, None]
-    nodes, _ = answer(rod)
+    nodes, _ = answer(rod, forces=np.tile(weight, (N + 1, 1)))
     assert nodes[-1] == pytest.approx(weight / TIP_MASS, rel=1e-6)
     assert nodes[5] == pytest.approx(weight / (2 * TIP_MASS), rel=1e-6)
     assert not nodes[0].any()
@@ -82,8 +90,7 @@ def test_a_couple_spins_up_what_the_layers_weigh(axis):
     # Bending has the polar inertia as well: the implicit step asks for one that is alike in all directions.
     rod, couple = core(), np.zeros(3)
     couple[axis] = 1e-3
-    inside(rod, Row.COUPLE1, np.tile(couple @ REST_FRAME, (N, 1)))
-    _, spins = answer(rod)
+    _, spins = answer(rod, couples=np.tile(couple @ REST_FRAME, (N, 1)))
     assert spins == pytest.approx(np.tile(couple / INERTIA, (N, 1)), rel=1e-6, abs=1e-6)
 
 
@@ -200,12 +207,9 @@ def moving(scene, velocity, seconds, *, spin=0.0, samples=4):
     h = seconds / samples / round(seconds / samples / 1e-5)
     inside(rod, Row.V1, np.tile(velocity, (N + 1, 1)))
     inside(rod, Row.W1, np.tile([0.0, 0.0, spin], (N, 1)))
-    rod._prepare(h)
-    done, *_ = rod._step(
-        h, round(seconds / samples / h), np.zeros((samples + 1, 11, N)), np.empty((samples, N + 1, 3)), np.empty((samples, N, 3, 3)),
-        np.empty((samples, N)),
-    )  # fmt: skip
-    assert done == samples
+    clock = SimpleNamespace(step=h, steps=round(seconds / samples / h))
+    rod.start(clock)
+    assert len(rod.move(0, {"arm": np.zeros((samples + 1, 11, N))}, clock).points) == samples
     velocities, spins = rod.speeds()
     return velocities[-1], spins[-1]
 

@@ -5,18 +5,18 @@ rest shape is free of passive stress. A muscle of activation ``a``, stretch ``s`
 
     sigma = a sigma_max f_l(s) f_v(-s' / v_max) + sigma_passive(s)
 
-as a force per *rest* area; tension is positive. The polynomials hold between the stretches of `MuscleLaw.range`; outside it the
-active curve ends at zero and the passive curve goes on along its tangent.
+on the *present* area, as a true stress: a fibre keeps its volume, so that one of rest area A pulls with A sigma(s) / s (the source
+divides its internal forces by the stretch). Tension is positive. The polynomials hold between the stretches of `MuscleLaw.range`; outside
+it the active curve ends at zero and the passive curve goes on along its tangent.
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..errors import check_number
-
-Floats = NDArray[np.float64]
+from ..contracts import Floats
+from ..errors import OctoctrlError, check_number
 
 SARCOMERE_STRESS = 280e3
 """Stress of a fully overlapping sarcomere, Pa (van Leeuwen & Kier 1997)."""
@@ -52,7 +52,7 @@ class MuscleLaw:
     Raises
     ------
     OctoctrlError
-        If a constant is out of range.
+        If a constant is out of range, or a polynomial has not nine coefficients.
     """
 
     maximum_stress: float
@@ -68,6 +68,14 @@ class MuscleLaw:
     range: tuple[float, float] = field(default=(0.6, 1.8))
 
     def __post_init__(self) -> None:
+        for name in ("active", "passive"):
+            if len(getattr(self, name)) != 9:
+                raise OctoctrlError(f"{name} has {len(getattr(self, name))} coefficients; the polynomials of a law have 9")
+            for coefficient in getattr(self, name):
+                check_number(f"coefficient of {name}", coefficient)
+        low, high = self.range
+        check_number("begin of range", low, above=0.0, at_most=1.0)
+        check_number("end of range", high, at_least=1.0)
         for name in ("maximum_stress", "compression_modulus"):
             check_number(name, getattr(self, name), at_least=0.0, at_most=1e8, unit="Pa")
         check_number("slack", self.slack, at_least=0.0)
@@ -82,7 +90,7 @@ class MuscleLaw:
         return np.maximum(0.0, np.polyval(self.active, np.clip(stretch, *self.range)))
 
     def passive_stress(self, stretch: ArrayLike) -> Floats:
-        """Passive stress at `stretch`, Pa per rest area."""
+        """Passive stress at `stretch`, Pa on the present area."""
         stretch = np.asarray(stretch, dtype=float)
         top = self.range[1]
         slope = np.polyval(np.polyder(self.passive), top)
@@ -100,7 +108,7 @@ class MuscleLaw:
         return np.where(w > 0, np.maximum(concentric, 0.0), eccentric)
 
     def stress(self, stretch: ArrayLike, rate: ArrayLike = 0.0, activation: ArrayLike = 0.0) -> Floats:
-        """Total stress at `stretch`, stretch `rate` (1/s) and `activation`, Pa per rest area."""
+        """Total stress at `stretch`, stretch `rate` (1/s) and `activation`, Pa on the present area."""
         active = np.asarray(activation, dtype=float) * self.maximum_stress * self.active_factor(stretch)
         return active * self.velocity_factor(-np.asarray(rate, dtype=float) / self.maximum_rate) + self.passive_stress(stretch)
 

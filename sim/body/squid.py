@@ -13,6 +13,7 @@ from math import pi, sin
 
 import numpy as np
 
+from ..contracts import Floats
 from ..errors import check_number
 from .anatomy import Anatomy, Traits, UniformConnections
 from .arm import Arm, touching_radii
@@ -100,7 +101,7 @@ class SquidTentacle(Arm):
     myosin: tuple[float, float] = (0.9707e-6, 0.4997e-6)
     straight_stiffening: float = 50.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         Arm.__post_init__(self)
         check_number("club_mass", self.club_mass, at_least=0.0, unit="kg")
         check_number("straight_stiffening", self.straight_stiffening, above=0.0)
@@ -109,18 +110,18 @@ class SquidTentacle(Arm):
                 check_number(name, length, above=least, unit="m")
 
     @property
-    def club_length(self):
+    def club_length(self) -> float:
         """Length (m) of a club as thick as the stalk, which only adds to the length that is reported."""
         return self.club_mass / (self.densities[0] * pi * self.base_radius**2)
 
-    def ring_grades(self, count):
+    def ring_grades(self, count: int) -> tuple[Floats, Floats]:
         """Strength and shortening rate (count,) of the rings, over those of the law `transverse`."""
         share = np.linspace(0.0, 1.0, count)
         myosin, sarcomere = (ends[0] + (ends[1] - ends[0]) * share for ends in (self.myosin, self.sarcomere))
         return (myosin - BARE_MYOSIN) / (LONGEST_MYOSIN - BARE_MYOSIN), 1e-6 / sarcomere
 
     @property
-    def anatomy(self):
+    def anatomy(self) -> Anatomy:
         """Counts, connections, damping and steps."""
         muscle = pi * touching_radii(self, SPOKES)[1] * self.youngs_modulus
         ring = pi * self.ring_radius * self.youngs_modulus
@@ -150,7 +151,7 @@ class SquidTentacle(Arm):
         )
 
     @property
-    def _ring_element(self):
+    def _ring_element(self) -> float:
         """Length of one element of a ring, m."""
         cord, muscle = touching_radii(self, SPOKES)
         return 2 * (cord + 2 * muscle + self.ring_radius) * sin(pi / RING_NODES)

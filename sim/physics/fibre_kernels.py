@@ -51,7 +51,7 @@ def law_constants(law: MuscleLaw, passive_factor: float = 1.0) -> LawConstants:
 
 
 @kernel
-def horner(c, x):
+def horner(c: tuple[float, ...], x: float) -> float:
     """A polynomial of degree 8 with coefficients `c`, highest power first."""
     total = c[0] * x + c[1]
     total = total * x + c[2]
@@ -64,7 +64,7 @@ def horner(c, x):
 
 
 @kernel
-def passive_stress(law, s):
+def passive_stress(law: LawConstants, s: float) -> float:
     """Passive stress; twin of `MuscleLaw.passive_stress`."""
     inside = min(max(s, 1.0), law.high)
     curve = max(horner(law.passive, inside) + law.high_slope * max(s - law.high, 0.0), 0.0)
@@ -73,7 +73,7 @@ def passive_stress(law, s):
 
 
 @kernel
-def passive_tangent(law, s):
+def passive_tangent(law: LawConstants, s: float) -> float:
     """Slope of the passive stress in tension, and the modulus of compression as its lower bound."""
     p, x = law.passive, min(max(s, 1.0), law.high)
     total = 8 * p[0] * x + 7 * p[1]
@@ -87,13 +87,13 @@ def passive_tangent(law, s):
 
 
 @kernel
-def isometric_stress(law, s):
+def isometric_stress(law: LawConstants, s: float) -> float:
     """Active stress per activation at rest; twin of `MuscleLaw.active_factor`."""
     return law.stress * max(horner(law.active, min(max(s, law.low), law.high)), 0.0)
 
 
 @kernel
-def hill_secant(law, rate):
+def hill_secant(law: LawConstants, rate: float) -> float:
     """(f_v - 1) / rate >= 0 at a stretch rate, s: what the isometric stress is multiplied with to give a viscosity."""
     w = -rate * law.rate
     above = 1.0 + law.concentric if w > 0.0 else law.eccentric_gain

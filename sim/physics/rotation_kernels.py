@@ -11,7 +11,7 @@ SERIES = (1.0, 2 / 3, 8 / 15, 16 / 35, 128 / 315, 256 / 693, 1024 / 3003, 2048 /
 
 
 @kernel
-def angle_over_sine(y):
+def angle_over_sine(y: float) -> float:
     """Ratio theta / sin(theta) for y = sin^2(theta / 2)."""
     total = SERIES[10]
     total = total * y + SERIES[9]
@@ -27,7 +27,7 @@ def angle_over_sine(y):
 
 
 @kernel
-def rotation(u1, u2, u3):
+def rotation(u1: float, u2: float, u3: float) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Nine entries, row by row, of exp(-[u]) = 1 - sine [u] + cosine (u u^T - u.u), to 1e-10 up to one radian."""
     square = u1 * u1 + u2 * u2 + u3 * u3
     sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880 - square * (1 / 39916800)))))
@@ -39,13 +39,15 @@ def rotation(u1, u2, u3):
 
 
 @kernel
-def turned(r, a, d, g):
+def turned(r: tuple[float, ...], a: float, d: float, g: float) -> tuple[float, float, float]:
     """Product of a rotation's nine entries with a column (a, d, g)."""
     return r[0] * a + r[1] * d + r[2] * g, r[3] * a + r[4] * d + r[5] * g, r[6] * a + r[7] * d + r[8] * g
 
 
 @kernel
-def orthonormal(a1, a2, a3, c1, c2, c3, d1, d2, d3):
+def orthonormal(
+    a1: float, a2: float, a3: float, c1: float, c2: float, c3: float, d1: float, d2: float, d3: float
+) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Rows of the orthonormal frame nearest to one that almost is.
 
     One Newton step of the polar decomposition (Higham 1986, SIAM J. Sci. Stat. Comput. 7:1160): Q <- (3 I - Q Q^T) Q / 2. Turned by less

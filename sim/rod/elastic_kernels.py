@@ -12,16 +12,20 @@ force keeps its full effect (applied after the kick, damping would weaken it and
 No trigonometric function is called, see `octoctrl.sim.physics.rotation_kernels`.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from ..compiler import kernel
+from ..contracts import Floats
 from ..physics.rotation_kernels import angle_over_sine, orthonormal, rotation, turned
 from .layout import offsets
 
 ONE = np.uint64(1)
 
 
-def rod_kernels(stride, constant_section=False):
+def rod_kernels(stride: int, constant_section: bool = False) -> tuple[Callable[..., Any], ...]:
     """Compile the kernels of an elastic rod for buffers of the given stride.
 
     Parameters
@@ -56,7 +60,7 @@ def rod_kernels(stride, constant_section=False):
     DRAG_NORMAL, DRAG_TANGENT = o["DRAG_NORMAL"], o["DRAG_TANGENT"]
 
     @kernel
-    def drift(b, n, h):
+    def drift(b: Floats, n: np.uint64, h: float) -> None:
         for k in range(ONE, n + ONE + ONE):
             b[X1 + k] += h * b[V1 + k]
             b[X2 + k] += h * b[V2 + k]
@@ -84,7 +88,7 @@ def rod_kernels(stride, constant_section=False):
             b[Q13 + k], b[Q23 + k], b[Q33 + k] = turned(r, b[Q13 + k], b[Q23 + k], b[Q33 + k])
 
     @kernel
-    def strain(b, n):
+    def strain(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE):
             d1, d2, d3 = b[X1 + k + ONE] - b[X1 + k], b[X2 + k + ONE] - b[X2 + k], b[X3 + k + ONE] - b[X3 + k]
             length = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
@@ -114,7 +118,7 @@ def rod_kernels(stride, constant_section=False):
             b[TORQUE3 + k] = (m1 * n2 - m2 * n1) * lever + j1 * w2 - j2 * w1 + j3 * swelling
 
     @kernel
-    def curvature(b, n):
+    def curvature(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE):
             p = k - ONE
             a11, a12, a13, a21, a22, a23, a31, a32, a33 = (
@@ -132,7 +136,7 @@ def rod_kernels(stride, constant_section=False):
             b[K3 + k] = factor * (c11 * a21 + c12 * a22 + c13 * a23 - c21 * a11 - c22 * a12 - c23 * a13)
 
     @kernel
-    def curvature_rate(b, n):
+    def curvature_rate(b: Floats, n: np.uint64) -> None:
         # kappa' = (w_k - w_{k-1}) / D + kappa x w: the second term is the turning of the frame in which kappa is written.
         for k in range(ONE, n + ONE):
             p = k - ONE
@@ -144,7 +148,7 @@ def rod_kernels(stride, constant_section=False):
             b[KRATE3 + k] = (b[W3 + k] - b[W3 + p]) * inverse + k1 * w2 - k2 * w1
 
     @kernel
-    def moment(b, n):
+    def moment(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE):
             p = k - ONE
             swell = 0.5 * (b[STRETCH + k] * b[LENGTH + k] + b[STRETCH + p] * b[LENGTH + p]) * b[INVERSE_JOINT + k]
@@ -156,7 +160,7 @@ def rod_kernels(stride, constant_section=False):
             b[M1 + k], b[M2 + k], b[M3 + k] = m1, m2, m3
 
     @kernel
-    def transport(b, n):
+    def transport(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE):
             half = 0.5 * b[JOINT_LENGTH + k]
             k1, k2, k3 = b[K1 + k] * half, b[K2 + k] * half, b[K3 + k] * half
@@ -172,7 +176,7 @@ def rod_kernels(stride, constant_section=False):
                 b[M3 + k] = m3 + second * (k1 * a2 - k2 * a1)
 
     @kernel
-    def kick(b, n):
+    def kick(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE + ONE):
             p = k - ONE
             decay, mobility = b[NODE_DECAY + k], b[NODE_MOBILITY + k]
@@ -195,7 +199,7 @@ def rod_kernels(stride, constant_section=False):
             b[W3 + k] = b[TWIST_DECAY + k] * b[W3 + k] + b[MOBILITY3 + k] * stretch * torque3
 
     @kernel
-    def water(b, n):
+    def water(b: Floats, n: np.uint64) -> None:
         # Quadratic drag, split into normal and tangential parts at the mean tangent of the two elements of a node. v / (1 + c |v| h) is
         # the exact solution of v' = -c |v| v, so that a whipping tip, whose drag rate exceeds 1 / h, cannot be thrown back.
         for k in range(ONE, n + ONE + ONE):
@@ -215,13 +219,13 @@ def rod_kernels(stride, constant_section=False):
     return drift, strain, curvature, curvature_rate, moment, transport, kick, water
 
 
-def frame_kernel(stride):
+def frame_kernel(stride: int) -> Callable[..., Any]:
     """Compile ``straighten(buffer, n)``, which takes every element's frame to the nearest orthonormal one."""
     o = offsets(stride)
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
 
     @kernel
-    def straighten(b, n):
+    def straighten(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE):
             (
                 b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k],

@@ -14,6 +14,7 @@ from ..physics.rotation_kernels import rotation, turned
 from .elastic_kernels import frame_kernel, rod_kernels
 from .guard_kernels import FINE, guard_kernel, record_kernel
 from .layout import STATE_ROWS, offsets
+from .supports import HeldRows
 
 ONE = np.uint64(1)
 BLOCK, DRIVEN_BLOCK = 128, 8
@@ -50,12 +51,12 @@ def support_kernels(stride: int) -> tuple[Callable[..., Any], ...]:
     Q = tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
 
     @kernel
-    def rate(rates, moves, block, after, place, i, time, share, bulge):
+    def rate(rates: Floats, moves: Floats, block: int, after: Floats, place: int, i: int, time: float, share: float, bulge: float) -> float:
         begin, end = rates[block, place, i], rates[after, place, i]
         return (1 - share) * begin + share * end + bulge * (moves[block, place, i] / time - 0.5 * (begin + end))
 
     @kernel
-    def hold(b, held, block, time, share, bulge):
+    def hold(b: Floats, held: HeldRows, block: int, time: float, share: float, bulge: float) -> None:
         after = block + 1 if held.moves else block
         for m in range(held.nodes.shape[0]):
             k, along = held.nodes[m], 0.0
@@ -70,7 +71,7 @@ def support_kernels(stride: int) -> tuple[Callable[..., Any], ...]:
                 b[W[i] + held.ghosts[g]] = rate(held.frame_rates, held.frame_moves, block, after, g, i, time, share, bulge)
 
     @kernel
-    def carry(b, held, h):
+    def carry(b: Floats, held: HeldRows, h: float) -> None:
         for g in range(held.ghosts.shape[0]):
             k = held.ghosts[g]
             r = rotation(h * b[W[0] + k], h * b[W[1] + k], h * b[W[2] + k])
@@ -78,7 +79,7 @@ def support_kernels(stride: int) -> tuple[Callable[..., Any], ...]:
                 b[Q[j] + k], b[Q[3 + j] + k], b[Q[6 + j] + k] = turned(r, b[Q[j] + k], b[Q[3 + j] + k], b[Q[6 + j] + k])
 
     @kernel
-    def snap(b, held, knot):
+    def snap(b: Floats, held: HeldRows, knot: int) -> None:
         for m in range(held.nodes.shape[0]):
             k, along = held.nodes[m], 0.0
             for i in range(3):
@@ -99,7 +100,7 @@ def load_kernel(stride: int) -> Callable[..., Any]:
     Q = tuple(tuple(o[f"Q{i}{j}"] for i in (1, 2, 3)) for j in (1, 2, 3))
 
     @kernel
-    def follow(b, n, loads):
+    def follow(b: Floats, n: np.uint64, loads: Followers) -> None:
         for k in range(ONE, n + ONE + ONE):
             for j in range(3):
                 b[F[j] + k] = loads.force[k - ONE, j]
@@ -138,13 +139,25 @@ def elastic_stepper(stride: int, constant_section: bool) -> Callable[..., Any]:
     width = np.uint64(stride)
 
     @kernel
-    def keep(b, n, good):
+    def keep(b: Floats, n: np.uint64, good: Floats) -> None:
         for row in range(STATE_ROWS):
             for k in range(n + ONE + ONE):
                 good[row, k] = b[np.uint64(row) * width + k]
 
     @kernel
-    def advance(b, n, h, steps, size, held, loads, good, points, directors, stretch):
+    def advance(
+        b: Floats,
+        n: np.uint64,
+        h: float,
+        steps: int,
+        size: int,
+        held: HeldRows,
+        loads: Followers,
+        good: Floats,
+        points: Floats,
+        directors: Floats,
+        stretch: Floats,
+    ) -> tuple[int, int, int, Any]:
         # Pinned nodes have no mobility, so that what neither moves nor slides needs nothing more; a free tip's joint carries nothing.
         acts, joints = held.moves or held.slides, n + ONE if held.tip else n
         for sample in range(points.shape[0]):

@@ -1,8 +1,12 @@
 """What ends a sample: is the motion still one that the model describes, and the arrays that are recorded of it."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from ..compiler import kernel
+from ..contracts import Floats
 from .layout import offsets
 
 ONE = np.uint64(1)
@@ -20,7 +24,7 @@ ORTHONORMAL_LIMIT = 5e-11
 """The series of a step's rotation leaves this error when an element turns by a radian in one step."""
 
 
-def guard_kernel(stride):
+def guard_kernel(stride: int) -> Callable[..., Any]:
     """Compile ``guard(buffer, n)`` -> finding, element."""
     o = offsets(stride)
     X1, X2, X3, STRETCH, JOINT_LENGTH = (o[k] for k in ("X1", "X2", "X3", "STRETCH", "JOINT_LENGTH"))
@@ -28,13 +32,13 @@ def guard_kernel(stride):
     T1, T2, T3, K1, K2, K3, BEND1 = (o[k] for k in ("T1", "T2", "T3", "K1", "K2", "K3", "BEND1"))
 
     @kernel
-    def bent(b, k):
+    def bent(b: Floats, k: np.uint64) -> bool:
         # A joint that carries nothing, at a free end, may be anyhow.
         angle = JOINT_LIMIT / b[JOINT_LENGTH + k]
         return b[BEND1 + k] > 0 and not b[K1 + k] ** 2 + b[K2 + k] ** 2 + b[K3 + k] ** 2 < angle * angle
 
     @kernel
-    def guard(b, n):
+    def guard(b: Floats, n: np.uint64) -> tuple[int, Any]:
         for k in range(ONE, n + ONE):
             if not (np.isfinite(b[X1 + k + ONE]) and np.isfinite(b[X2 + k + ONE]) and np.isfinite(b[X3 + k + ONE])):
                 return NOT_A_NUMBER, k
@@ -53,14 +57,14 @@ def guard_kernel(stride):
     return guard
 
 
-def record_kernel(stride):
+def record_kernel(stride: int) -> Callable[..., Any]:
     """Compile ``record(buffer, n, points, directors, stretch)``, which fills the three arrays of one instant."""
     o = offsets(stride)
     X1, X2, X3, LENGTH = (o[k] for k in ("X1", "X2", "X3", "LENGTH"))
     Q = tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
 
     @kernel
-    def record(b, n, points, directors, stretch):
+    def record(b: Floats, n: np.uint64, points: Floats, directors: Floats, stretch: Floats) -> None:
         for k in range(ONE, n + ONE + ONE):
             points[k - ONE, 0], points[k - ONE, 1], points[k - ONE, 2] = b[X1 + k], b[X2 + k], b[X3 + k]
         for k in range(ONE, n + ONE):

@@ -16,6 +16,7 @@ from enum import auto
 
 import numpy as np
 
+from ..contracts import Floats
 from ..physics.rows import Rows
 
 STRIDES = (584, 1112, 2120)
@@ -55,7 +56,7 @@ class Row(Rows):
 STATE_ROWS = 18
 
 
-def stride_for(elements):
+def stride_for(elements: int) -> int:
     """The shortest stride that holds a rod of so many elements with its ghosts."""
     for stride in STRIDES:
         if elements + 3 <= stride:
@@ -63,7 +64,7 @@ def stride_for(elements):
     raise ValueError(f"elements={elements}: at most {STRIDES[-1] - 3} are supported")
 
 
-def new_buffer(elements):
+def new_buffer(elements: int) -> tuple[Floats, Floats]:
     """A zeroed buffer and its view as rows.
 
     Returns
@@ -77,6 +78,6 @@ def new_buffer(elements):
     return buffer, buffer.reshape(len(Row), stride)
 
 
-def offsets(stride):
+def offsets(stride: int) -> dict[str, np.uint64]:
     """Unsigned offset of each row, by name: a signed index would carry a wrap-around test that prevents vectorisation."""
     return {row.name: np.uint64(row * stride) for row in Row}

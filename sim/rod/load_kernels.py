@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import kernel
+from ..contracts import Floats
 from ..scene.loads import FAR, FORCE, NEAR, TORQUE, TWIST
 from .layout import offsets
 
@@ -32,7 +33,7 @@ def load_kernel(stride: int) -> Callable[..., Any]:
     Q = tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
 
     @kernel
-    def load(b, n, before, after, share):
+    def load(b: Floats, n: np.uint64, before: Floats, after: Floats, share: float) -> bool:
         for c in range(3):
             for k in range(ONE, n + ONE + ONE):
                 b[F[c] + k] = (1 - share) * before[FORCE, c, k - ONE] + share * after[FORCE, c, k - ONE]

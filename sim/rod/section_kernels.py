@@ -14,10 +14,15 @@ the increments of stretch rate, curvature rate and twist rate, which leaves thre
 keeps the sign of the driving force, so that it cannot chatter; treated explicitly the law would need steps of nanoseconds.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
+from ..body.layout import MuscleLayout
 from ..compiler import kernel
-from ..physics.fibre_kernels import hill_secant, isometric_stress, passive_stress
+from ..contracts import Floats
+from ..physics.fibre_kernels import LawConstants, hill_secant, isometric_stress, passive_stress
 from .layout import offsets
 
 ONE = np.uint64(1)
@@ -30,7 +35,7 @@ slack within few steps, such as one let go at 1.3 times its length, keeps trembl
 by less than 0.02 % of the length through it."""
 
 
-def fibre_kernels(stride):
+def fibre_kernels(stride: int) -> tuple[Callable[..., Any], ...]:
     """Compile the active part of each kind of fibre for buffers of the given stride; `section_kernels` has the passive part.
 
     Parameters
@@ -53,7 +58,7 @@ def fibre_kernels(stride):
     OBLIQUE_AREA, OBLIQUE_REST = o["OBLIQUE_AREA"], o["OBLIQUE_REST"]
 
     @kernel
-    def longitudinal(b, n, sine, cosine, law):
+    def longitudinal(b: Floats, n: np.uint64, sine: float, cosine: float, law: LawConstants) -> None:
         for k in range(ONE, n + ONE):
             rho = b[OFFSET + k] * b[RADIUS + k]
             r1, r2 = rho * sine, rho * cosine
@@ -76,7 +81,7 @@ def fibre_kernels(stride):
             b[STIFF_TURN + k] += stiff * rho * rho
 
     @kernel
-    def oblique(b, n, winding, law):
+    def oblique(b: Floats, n: np.uint64, winding: float, law: LawConstants) -> None:
         for k in range(ONE, n + ONE):
             rho = b[HELIX + k] * b[RADIUS + k]
             e, rest = b[STRETCH + k], b[OBLIQUE_REST + k]
@@ -97,7 +102,7 @@ def fibre_kernels(stride):
             b[STIFF_TURN + k] += stiff * l3 * l3
 
     @kernel
-    def transverse(b, n, law):
+    def transverse(b: Floats, n: np.uint64, law: LawConstants) -> None:
         for k in range(ONE, n + ONE):
             lam = b[RADIUS + k]
             slope = lam * b[SHRINK + k]
@@ -111,7 +116,7 @@ def fibre_kernels(stride):
     return longitudinal, oblique, transverse
 
 
-def _around(places):
+def _around(places: tuple[tuple[float, float], ...]) -> Callable[..., Any]:
     """Compile the sum over longitudinal fibres at the `places` (sine, cosine), unrolled: one kernel per fibre, each calling the next.
 
     ``(e, y, r1, r2, shrink, law)`` gives tension over length per area, its products with x, with x along d1 and along d2, and the bounds of
@@ -122,7 +127,7 @@ def _around(places):
     before, (sine, cosine) = _around(places[:-1]), places[-1]
 
     @kernel(inline="always")
-    def sums(e, y, r1, r2, shrink, law):
+    def sums(e: float, y: float, r1: float, r2: float, shrink: float, law: LawConstants) -> tuple[float, float, float, float, float, float]:
         pull, along, bend1, bend2, turn, stiff = before(e, y, r1, r2, shrink, law)
         bend = cosine * r1 - sine * r2
         x = e + bend
@@ -137,11 +142,13 @@ def _around(places):
 
 
 @kernel(inline="always")
-def _no_fibre(e, y, r1, r2, shrink, law):
+def _no_fibre(
+    e: float, y: float, r1: float, r2: float, shrink: float, law: LawConstants
+) -> tuple[float, float, float, float, float, float]:
     return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-def _coils(hands):
+def _coils(hands: tuple[int, ...]) -> Callable[..., Any]:
     """Compile the sum over the oblique families of the given `hands`, in the same way.
 
     ``(e, shrink, rho, twist, winding, rest, law)`` gives the work on stretch and on twist per area, and the bounds of both squares.
@@ -151,7 +158,9 @@ def _coils(hands):
     before, hand = _coils(hands[:-1]), float(hands[-1])
 
     @kernel(inline="always")
-    def sums(e, shrink, rho, twist, winding, rest, law):
+    def sums(
+        e: float, shrink: float, rho: float, twist: float, winding: float, rest: float, law: LawConstants
+    ) -> tuple[float, float, float, float]:
         tension, moment, stiff, stiff_turn = before(e, shrink, rho, twist, winding, rest, law)
         turn = rho * (hand * winding + twist)
         square = e * e + turn * turn
@@ -164,11 +173,13 @@ def _coils(hands):
 
 
 @kernel(inline="always")
-def _no_coil(e, shrink, rho, twist, winding, rest, law):
+def _no_coil(
+    e: float, shrink: float, rho: float, twist: float, winding: float, rest: float, law: LawConstants
+) -> tuple[float, float, float, float]:
     return 0.0, 0.0, 0.0, 0.0
 
 
-def section_kernels(stride, layout):
+def section_kernels(stride: int, layout: MuscleLayout) -> tuple[Callable[..., Any], ...]:
     """Compile what surrounds the active fibres: section strains before, moments, forces and the implicit correction after.
 
     Parameters
@@ -203,7 +214,7 @@ def section_kernels(stride, layout):
     IMPULSE, IMPULSE1, IMPULSE2, IMPULSE3 = (o[k] for k in ("IMPULSE", "IMPULSE1", "IMPULSE2", "IMPULSE3"))
 
     @kernel
-    def measure(b, n, nu):
+    def measure(b: Floats, n: np.uint64, nu: float) -> None:
         # Beyond its centre the last element is straight. What its fibres see must be what their moment works on, half of the last joint:
         # were it the whole, their viscosity would feed a flutter of the tip.
         q = n + ONE
@@ -228,7 +239,7 @@ def section_kernels(stride, layout):
     around, coils = _around(tuple(group.place for group in layout.longitudinal)), _coils(tuple(group.hand for group in layout.oblique))
 
     @kernel
-    def straight(b, n, law, elastic):
+    def straight(b: Floats, n: np.uint64, law: LawConstants, elastic: float) -> None:
         # Nerve cord and longitudinal fibres without activation: they start the sums.
         for k in range(ONE, n + ONE):
             e, shrink = b[STRETCH + k], b[SHRINK + k]
@@ -245,7 +256,7 @@ def section_kernels(stride, layout):
             b[STIFF_TURN + k] = elastic * law.tangent * area * rho * rho * turn
 
     @kernel
-    def wound(b, n, winding, law, transverse, elastic):
+    def wound(b: Floats, n: np.uint64, winding: float, law: LawConstants, transverse: LawConstants, elastic: float) -> None:
         # The oblique families and the rings, without activation.
         for k in range(ONE, n + ONE):
             lam, e, shrink = b[RADIUS + k], b[STRETCH + k], b[SHRINK + k]
@@ -259,7 +270,7 @@ def section_kernels(stride, layout):
             b[TENSION + k] += DISSIPATION * b[STIFF + k] * b[RATE + k]
 
     @kernel
-    def apply(b, n):
+    def apply(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE):
             p, q = k - ONE, k + ONE
             b[N1 + k] += b[TENSION + k] * b[T1 + k]
@@ -277,12 +288,12 @@ def section_kernels(stride, layout):
             b[M3 + k] += here * b[MOMENT3 + k] + before * b[MOMENT3 + p] + zigzag3
 
     @kernel
-    def remember(b, n):
+    def remember(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE):
             b[OLD1 + k], b[OLD2 + k], b[OLD3 + k] = b[W1 + k], b[W2 + k], b[W3 + k]
 
     @kernel
-    def brake(b, n):
+    def brake(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE):
             b[YIELD + k] = b[STRETCH + k] * b[MOBILITY1 + k]
             w1, w2, w3 = b[W1 + k] - b[OLD1 + k], b[W2 + k] - b[OLD2 + k], b[W3 + k] - b[OLD3 + k]
@@ -306,7 +317,7 @@ def section_kernels(stride, layout):
             b[IMPULSE3 + k] = b[SPIN3 + k] - b[SPIN3 + p]
 
     @kernel
-    def relax(b, n):
+    def relax(b: Floats, n: np.uint64) -> None:
         # Symmetric tridiagonal systems; the off-diagonals to the next unknown are COUPLING, and -YIELD of the element between two joints.
         scale, turn_scale, f, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(ONE, n + ONE):
@@ -320,13 +331,13 @@ def section_kernels(stride, layout):
             f3 = turn_scale * (b[IMPULSE3 + k] - turn * f3)
             b[DIAGONAL + k], b[DIAGONAL_TURN + k] = scale, turn_scale
             b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
-        k = n - ONE
-        while k >= ONE:
-            turn = b[DIAGONAL_TURN + k] * b[YIELD + k]
-            f = b[IMPULSE + k] - b[DIAGONAL + k] * b[COUPLING + k] * f
-            f1, f2, f3 = b[IMPULSE1 + k] + turn * f1, b[IMPULSE2 + k] + turn * f2, b[IMPULSE3 + k] + turn * f3
-            b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
-            k -= ONE
+        j = n - ONE
+        while j >= ONE:
+            turn = b[DIAGONAL_TURN + j] * b[YIELD + j]
+            f = b[IMPULSE + j] - b[DIAGONAL + j] * b[COUPLING + j] * f
+            f1, f2, f3 = b[IMPULSE1 + j] + turn * f1, b[IMPULSE2 + j] + turn * f2, b[IMPULSE3 + j] + turn * f3
+            b[IMPULSE + j], b[IMPULSE1 + j], b[IMPULSE2 + j], b[IMPULSE3 + j] = f, f1, f2, f3
+            j -= ONE
         for k in range(ONE, n + ONE + ONE):
             p = k - ONE
             mobility, here, before = b[NODE_MOBILITY + k], b[IMPULSE + k], b[IMPULSE + p]

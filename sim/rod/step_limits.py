@@ -10,8 +10,11 @@ formed: displacing a state by a small u and comparing one step with that of the 
 finds the largest eigenvalue and its mode, which names the mechanism. S depends on h, so h is tried anew until it is its own limit.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
+from ..contracts import Floats
 from ..rotations import rotation_matrix
 from ..running.clock import StepLimit
 from .layout import STATE_ROWS, Row
@@ -25,7 +28,9 @@ STIRRING = 1e-3
 """Rates (1/s, rad/s) given to a state, so that no muscle stands at the kink of Hill's law between shortening and lengthening."""
 
 
-def predict_limit(rows, n, masses, prepare, advance, *, tolerance=2e-3):
+def predict_limit(
+    rows: Floats, n: int, masses: Floats, prepare: Callable[[float], object], advance: Callable[[float], object], *, tolerance: float = 2e-3
+) -> StepLimit:
     """Predict the largest stable step of a rod in its present state.
 
     Parameters
@@ -66,7 +71,7 @@ def predict_limit(rows, n, masses, prepare, advance, *, tolerance=2e-3):
     return StepLimit(step=float(h), mechanism=mechanism, element=element)
 
 
-def _stiffest(response, mode, tolerance):
+def _stiffest(response: "_Response", mode: Floats, tolerance: float) -> tuple[Floats, float]:
     """Power iteration: the mode that pulls back hardest, and its eigenvalue h^2 mu."""
     before = shift = 0.0
     for _ in range(200):
@@ -85,7 +90,15 @@ def _stiffest(response, mode, tolerance):
 class _Response:
     """How one step of a rod answers small changes (6, n + 1) of positions and directors, and of velocities and spins."""
 
-    def __init__(self, rows, n, masses, prepare, advance, random):
+    def __init__(
+        self,
+        rows: Floats,
+        n: int,
+        masses: Floats,
+        prepare: Callable[[float], object],
+        advance: Callable[[float], object],
+        random: np.random.Generator,
+    ) -> None:
         self.rows, self.n, self.prepare, self.advance = rows, n, prepare, advance
         self.inertia = np.ones((6, n + 1))
         self.inertia[:3] = masses
@@ -98,7 +111,7 @@ class _Response:
         self.state = rows[:STATE_ROWS].copy()
         self.frames = self.state[Row.Q11 : Row.Q33 + 1, self.elements].T.reshape(n, 3, 3)
 
-    def at(self, h):
+    def at(self, h: float) -> None:
         """Take up the step h."""
         self.h = h
         self.prepare(h)
@@ -106,13 +119,13 @@ class _Response:
         self.advance(h)
         self.speeds = self._speeds()
 
-    def _speeds(self):
+    def _speeds(self) -> Floats:
         found = np.zeros((6, self.n + 1))
         found[:3] = self.rows[Row.V1 : Row.V3 + 1, self.nodes]
         found[3:, : self.n] = self.rows[Row.W1 : Row.W3 + 1, self.elements]
         return found
 
-    def __call__(self, place, speed):
+    def __call__(self, place: Floats, speed: Floats) -> Floats:
         """Change of velocities and spins after one step, per size of the changes of place and speed before it."""
         largest = max(np.abs(change[:3]).max() / self.length.min() + np.abs(change[3:]).max() for change in (place, speed * self.h))
         size = SMALL / largest
@@ -126,15 +139,15 @@ class _Response:
         self.advance(self.h)
         return (self._speeds() - self.speeds) / size
 
-    def inner(self, one, other):
+    def inner(self, one: Floats, other: Floats) -> float:
         """Inner product weighted by mass and inertia."""
         return float(np.sum(self.inertia * one * other))
 
-    def normalised(self, mode):
+    def normalised(self, mode: Floats) -> Floats:
         """The mode with unit norm."""
         return mode / np.sqrt(self.inner(mode, mode))
 
-    def name(self, mode):
+    def name(self, mode: Floats) -> tuple[str, int]:
         """Mechanism of a mode, by what carries most of its kinetic energy, and the element where that is largest."""
         edges = np.diff(self.state[Row.X1 : Row.X3 + 1, self.nodes], axis=1)
         tangents = edges / np.linalg.norm(edges, axis=0)

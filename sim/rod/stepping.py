@@ -5,14 +5,17 @@ asked, recorded. Inside a sample the two half drifts that meet between steps are
 does not change a single bit, so that a saved state continues exactly.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..body.layout import Family
+from ..body.layout import Family, MuscleLayout
 from ..compiler import kernel
 from ..contact.body_kernels import drift_bodies, kick_bodies
 from ..contact.note_kernels import note
+from ..contracts import Floats
 from ..physics.fibre_kernels import LawConstants
 from .contact_kernels import rod_contact_kernels
 from .elastic_kernels import frame_kernel, rod_kernels
@@ -36,7 +39,7 @@ class MuscleScalars(NamedTuple):
     wet: bool
 
 
-def muscular_stepper(stride, layout, loaded=False, touching=False):
+def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, touching: bool = False) -> Callable[..., Any]:
     """Compile the loop of a rod with muscle fibres.
 
     Parameters
@@ -69,12 +72,25 @@ def muscular_stepper(stride, layout, loaded=False, touching=False):
     groups, along, across = len(layout), int(Family.LONGITUDINAL), int(Family.TRANSVERSE)
 
     @kernel
-    def set_level(b, n, before, after, share):
+    def set_level(b: Floats, n: np.uint64, before: Floats, after: Floats, share: float) -> None:
         for k in range(ONE, n + ONE):
             b[LEVEL + k] = (1 - share) * before[k - ONE] + share * after[k - ONE]
 
     @kernel
-    def advance(b, n, h, steps, levels, active, scalars, loads, world, points, directors, stretch):
+    def advance(
+        b: Floats,
+        n: np.uint64,
+        h: float,
+        steps: int,
+        levels: Floats,
+        active: NDArray[np.bool_],
+        scalars: MuscleScalars,
+        loads: Floats,
+        world: Any,
+        points: Floats,
+        directors: Floats,
+        stretch: Floats,
+    ) -> tuple[int, int, Any]:
         nu, elastic = scalars.hoop_ratio, scalars.elastic
         for sample in range(points.shape[0]):
             if touching:
