@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from octoctrl import __version__
-from octoctrl.planners.asking.task import Task
 from octoctrl.sim.activation import Activation
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import PLANTS, Plant, PlantRow
@@ -125,17 +124,18 @@ def _plant() -> str:
 def needs(configuration: Configuration) -> Findings:
     """Say what the task of a `configuration` needs, what is left out for it, which step binds, and how long a run will take."""
     task, name = configuration.task, configuration.run.plant
-    activation, duration = _guess(task.on(configuration.arm))
+    activation, duration = _guess(configuration)
     row, plant = PLANTS[name], Plant(configuration.arm, configuration.scene, name)
     rows = [("plant", f"{name}: {row.text}", "needed"), *_features(plant, row, activation.groups)]
     rows += [("step", step_text(plant), ""), ("run time", _run_time(plant, row, activation, duration), "")]
     return Findings(title=f"Task '{task.name}'", rows=tuple(rows))
 
 
-def _guess(task: Task) -> tuple[Activation, float]:
+def _guess(configuration: Configuration) -> tuple[Activation, float]:
     """Activation and duration of a task at the numbers with which planning starts."""
     from octoctrl.planners.asking.schedule import Schedule
 
+    task = configuration.task.on(configuration.arm)
     begins, duration = dict[str, float](), 0.0
     for phase in task.phases:
         begins[phase.name], duration = duration, duration + phase.duration
@@ -201,7 +201,7 @@ def _run_time(plant: Plant, row: PlantRow, activation: Activation, duration: flo
 
 def plan_header(configuration: Configuration) -> str:
     """One line on what a plan of a `configuration` takes into account."""
-    activation, duration = _guess(configuration.task)
+    activation, duration = _guess(configuration)
     drag = "no drag" if configuration.scene.water is None else "drag"
     return (
         f"reduced model: {len(activation.groups)} of {len(configuration.arm.layout)} muscle groups, {drag}, no inertia, no contact; "

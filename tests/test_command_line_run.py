@@ -95,7 +95,7 @@ def test_a_task_can_be_printed_edited_and_fed_back(folder):
     process = octoctrl("plan", "far.toml", "-o", "far.npz", "-q", cwd=path)
     assert process.returncode == 3 and process.stderr == ""
     assert "Unreachable: " in process.stdout
-    assert "phase 'telescope' asks for twist 3, but L-OM stores at most " in process.stdout
+    assert "phase 'telescope' asks for twist 3 ± 0.1 turns, but L-OM stores at most " in process.stdout
     assert store.load(path / "far.npz").status.name == "UNREACHABLE"
 
 

@@ -43,7 +43,7 @@ def test_a_task_is_told_what_it_needs_and_what_is_left_out(capsys):
 
 def test_groups_at_rest_are_those_that_the_plant_leaves_out():
     configuration = tasks.load("coil")
-    activation, duration = diagnosis._guess(configuration.task)
+    activation, duration = diagnosis._guess(configuration)
     plant = Plant(configuration.arm, configuration.scene)
     pulled = plant.core._active(
         sampled(activation, plant.clock.instants(0, plant.clock.samples(duration)), plant.core.partitions, plant.arm.layout)["arm"]
@@ -73,5 +73,7 @@ def test_a_step_far_below_the_limit_says_why(plant, reason):
 
 def test_one_line_before_planning_and_running():
     assert diagnosis.plan_header(tasks.load("coil")).startswith("reduced model: 5 of 11 muscle groups, drag, no inertia, no contact;")
+    for name in tasks.names():  # also of windows that are shares of the arm
+        assert diagnosis.plan_header(tasks.load(name)).startswith("reduced model: ")
     line = diagnosis.header(Plant(), ("LM1", "R-OM"))
     assert line.startswith("rod plant: 2 of 11 muscle groups active, drag, no contact; step 0.5 ms, 0.74 of the limit")

@@ -61,7 +61,8 @@ def _goals(goals: tuple[Goal, ...]) -> list[str]:
 
 def _drive(drive: Drive, comments: bool) -> list[str]:
     """The fields of a drive; the primitive's own stand under `settings`, but for the times that follow from the phases."""
-    settings = {name: value for name, value in _changed(drive.primitive).items() if name not in ("onset", "offset")}
+    names = [entry.name for entry in fields(drive.primitive) if entry.name not in ("onset", "offset")]  # type: ignore[arg-type]
+    settings = {name: getattr(drive.primitive, name) for name in names}
     lines = _assignments(drive, [item.name for item in fields(Drive) if item.name != "primitive"], comments)
     return [lines[0], f"primitive = {_value(type(drive.primitive).__name__)}", f"settings = {_value(settings)}", *lines[1:]]
 
