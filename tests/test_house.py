@@ -248,6 +248,15 @@ def test_registry_of_the_store_is_complete():
         assert set(names) == {name for name in found if not name.startswith("_")} - {"Section"}, module
 
 
+def test_the_page_of_the_house_names_every_room_and_what_it_links_exists():
+    text = (ROOT / "docs" / "house.md").read_text()
+    for rooms in ROOMS.values():
+        assert not [room for room in rooms if room != "__main__" and f"`{room}`" not in text]
+    for page in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/*.md")]:
+        for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
+            assert (page.parent / link).exists(), f"{page.name}: {link}"
+
+
 def test_no_path_of_this_machine():
     for path in [*MODULES, *ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), ROOT / ".ci" / "run", *(ROOT / "octoctrl").rglob("*.toml")]:
         assert not re.search(r"/(?:home|root|work|Users)/", path.read_text()), path
