@@ -223,11 +223,35 @@ class Linear(NamedTuple):
 class Observation(Protocol):
     """What a controller may see at one instant; shapes as in `Recording`, without the first axis."""
 
-    time: float
-    points: Floats
-    frames: Floats
-    stations: Floats
-    stretch: Floats
+    @property
+    def time(self) -> float:
+        """When, s."""
+        ...
+
+    @property
+    def points(self) -> Floats:
+        """Nodes (n + 1, 3), m."""
+        ...
+
+    @property
+    def frames(self) -> Floats:
+        """Directors (n + 2, 3, 3), in rows."""
+        ...
+
+    @property
+    def stations(self) -> Floats:
+        """Rest arclengths of the frames (n + 2,), m."""
+        ...
+
+    @property
+    def edges(self) -> Floats:
+        """Rest arclengths of the nodes (n + 1,), m."""
+        ...
+
+    @property
+    def stretch(self) -> Floats:
+        """Of the elements (n,)."""
+        ...
 
 
 class ReducedModel(Protocol):

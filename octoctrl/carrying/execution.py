@@ -16,6 +16,7 @@ from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, check_number
 from octoctrl.sim.plants import make_plant, warmup
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.running.sensors import Sensors
 from octoctrl.sim.topology.meter import Meter
 
 from ..progress import NullProgress, Progress
@@ -27,6 +28,10 @@ PERIOD, PERIODS = 0.05, {"assembly": 0.025, "assembly-coarse": 0.025}
 PATIENCE = 0.3
 """A phase whose goals are not met at its planned end is held for at most this share of its duration."""
 
+GRACE = 2
+"""Periods before which a phase that waits is not yet expected to be nearer to its goals than at its planned end: corrections are led in
+over one, and the arm's inertia takes its time."""
+
 
 def execute(
     plan: Plan,
@@ -36,6 +41,7 @@ def execute(
     period: float | None = None,
     patience: float | None = None,
     settle: float = 0.0,
+    sensors: Sensors | None = None,
     allow_unsolved: bool = False,
     progress: Progress | None = None,
     checkpoint: Callable[[Execution], Any] | None = None,
@@ -54,9 +60,12 @@ def execute(
     period : float, optional, s
         Between corrections; `PERIOD`, or that of the plant in `PERIODS`, if omitted.
     patience : float, optional
-        The share of its duration for which a phase waits for its goals. If omitted, `PATIENCE`; nothing in open loop and for a callable.
+        The share of its duration for which a phase waits for its goals, as long as it does not get farther from them (see `GRACE`). If
+        omitted, `PATIENCE`; nothing in open loop and for a callable.
     settle : float, s
         How long to go on after the last phase.
+    sensors : Sensors, optional
+        What is between the plant and the controller, which sees the arm as it is if omitted. Events are read on the plant.
     allow_unsolved : bool
         Whether a plan that does not meet its goals is run all the same.
     progress : Progress, optional
@@ -97,7 +106,7 @@ def execute(
     if abs(round(period / plant.sample_interval) * plant.sample_interval - period) > 1e-9:
         raise OctoctrlError(f"period={period:g} s: needs a multiple of the plant's sample interval {plant.sample_interval:g} s")
     patience = getattr(chosen, "patience", PATIENCE) if patience is None else patience
-    run = _Run(plan, plant, chosen, period=period, patience=patience, settle=settle)
+    run = _Run(plan, plant, chosen, sensors or Sensors(), period=period, patience=patience, settle=settle)
     return run.to_the_end(progress or NullProgress(), checkpoint)
 
 
@@ -120,21 +129,23 @@ class _ControllerFailedError(Exception):
 class _Run:
     """One execution, period by period: the plant's time goes on, the plan's clock may wait."""
 
-    def __init__(self, plan: Plan, plant: Any, controller: Controller, *, period: float, patience: float, settle: float) -> None:
-        self.plan, self.plant, self.controller = plan, plant, controller
+    def __init__(
+        self, plan: Plan, plant: Any, controller: Controller, sensors: Sensors, *, period: float, patience: float, settle: float
+    ) -> None:
+        self.plan, self.plant, self.controller, self.eyes = plan, plant, controller, sensors.start()
         self.period, self.patience, self.settle = period, patience, settle
         self.events: list[Event] = []
         self.pieces: list[Recording] = []
         self.meter = Meter(plan.task.convention)
         self.instants, self.readings = [0.0], [0.0]
-        self.ahead, self.waited = tuple(plan.phase_begins), 0.0
+        self.ahead, self.waited, self.missed = tuple(plan.phase_begins), 0.0, 0.0
         self.ends = dict(zip(self.ahead, [*list(plan.phase_begins.values())[1:], plan.schedule.duration], strict=True))
 
     def to_the_end(self, progress: Progress, checkpoint: Callable[[Execution], Any] | None) -> Execution:
         begin, due = perf_counter(), 0.0
         plan, plant = self.plan, self.plant
         status, note, cause = ExecutionStatus.FINISHED, "", ""
-        observation, clock, end = plant.reset(), 0.0, plan.schedule.duration + self.settle
+        observation, clock, end = self.eyes.see(plant.reset()), 0.0, plan.schedule.duration + self.settle
         progress.start("running the plant", end)
         try:
             while (hold := self._waits(clock)) or clock < end - 1e-9:
@@ -142,7 +153,7 @@ class _Run:
                 reading = ClockReading(plant.time, clock, clock if hold else clock + step, step)
                 piece = self._advance(observation, reading)
                 self._keep(piece)
-                clock, observation = reading.end, plant.observe()
+                clock, observation = reading.end, self.eyes.see(plant.observe())
                 self.instants.append(plant.time)
                 self.readings.append(clock)
                 if not piece.complete:
@@ -186,11 +197,15 @@ class _Run:
         if not self.ahead or clock < self.ends[self.ahead[0]] - 1e-9:
             return False
         name = self.ahead[0]
-        met = self._met(name)
-        if not met and self.waited < self.patience * (self.ends[name] - self.plan.phase_begins[name]) - 1e-9:
+        miss = self._miss(name)
+        if not self.waited:
+            self.missed = miss
+        longest = self.patience * (self.ends[name] - self.plan.phase_begins[name])
+        hopeful = miss <= self.missed or self.waited < (GRACE - 0.5) * self.period
+        if miss > 1 and hopeful and self.waited < longest - 1e-9:
             self.waited += self.period
             return True
-        self.events.append(Event(phase=name, planned=float(self.ends[name]), actual=self.plant.time, met=met))
+        self.events.append(Event(phase=name, planned=float(self.ends[name]), actual=self.plant.time, met=miss <= 1))
         self.ahead, self.waited = self.ahead[1:], 0.0
         return False
 
@@ -200,14 +215,13 @@ class _Run:
         end = min((np.floor(clock / self.period + 1e-6) + 1) * self.period, self.plan.schedule.duration + self.settle)
         return float(max(round((end - clock) / sample), 1) * sample)
 
-    def _met(self, phase: str) -> bool:
-        """Whether the goals of a phase hold on the plant now."""
+    def _miss(self, phase: str) -> float:
+        """By how many tolerances the goals of a phase are missed on the plant now, at most."""
         goals = next(item.goals for item in self.plan.task.phases if item.name == phase)
-        if not goals:
-            return True
         recording, trace, arm = Recording.joined(self.pieces), self.meter.trace, self.plan.arm
         begin, now = self.events[-1].actual if self.events else 0.0, recording.time[-1]
-        return all(miss_in_phase(goal, recording.time, goal.miss(recording, trace, arm), begin, now) <= goal.tolerance for goal in goals)
+        shares = (miss_in_phase(goal, recording.time, goal.miss(recording, trace, arm), begin, now) / goal.tolerance for goal in goals)
+        return max(shares, default=0.0)
 
     def _result(self, status: ExecutionStatus, note: str, wall_time: float, cause: str = "") -> Execution:
         if not self.pieces:

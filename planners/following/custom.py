@@ -3,12 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from octoctrl.sim.sources import Held
 
 from ..contracts import ActivationSource, ClockReading, ControllerReport, Observation
-from ..model.kinematics import element_lengths
 
 
 class Custom:
@@ -35,9 +32,7 @@ class Custom:
         OctoctrlError
             If the answer is none of these, or a level is not in [0, 1].
         """
-        stations = observation.stations
-        edges = stations[0] + np.concatenate([[0.0], np.cumsum(element_lengths(stations))])
-        return Held.of(self._function(reading.now, observation), edges, who="feedback")
+        return Held.of(self._function(reading.now, observation), observation.edges, who="feedback")
 
     def report(self) -> ControllerReport:
         """Whatever the function knows, it keeps to itself."""

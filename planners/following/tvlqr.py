@@ -8,8 +8,9 @@ from octoctrl.sim.sources import Corrected
 
 from ..contracts import ActivationSource, ClockReading, ControllerReport, Observation
 from ..solving.plan import Plan
+from .design import Course
 from .observer import Observer
-from .tracking import Tracker, TrackingDesign, design
+from .tracking import Tracker
 
 
 class TVLQR:
@@ -27,35 +28,36 @@ class TVLQR:
     def __init__(self, plan: Plan) -> None:
         self._plan, self._model = plan, plan.model
         self._activation = plan.schedule.activation()
-        self._design: TrackingDesign | None = None
-        self._design_time = 0.0
-        self._now = np.inf
+        self._course: Course | None = None
+        self._design_time, self._now = 0.0, np.inf
 
     def _start(self, period: float) -> None:
-        if self._design is None or abs(self._design.period - period) > 1e-9:
+        if self._course is None or abs(self._course.period - period) > 1e-9:
             begin = process_time()
-            self._design = design(self._plan, self._model, period)
+            self._course = Course(self._plan, self._model, period)
             self._design_time = process_time() - begin
-        self._tracker = Tracker(self._design)
+        self._tracker = Tracker(self._course)
         self._observer = Observer(self._model, self._plan.task.convention.pole)
-        self._correction, self._largest = np.zeros(len(self._design.groups)), 0.0
+        self._correction, self._largest = np.zeros(len(self._course.groups)), 0.0
 
     def levels(self, observation: Observation, reading: ClockReading) -> ActivationSource:
         """The plan's activation at the `reading` of its clock, corrected for what the `observation` shows."""
         if reading.now <= self._now:
             self._start(reading.period)
-        assert self._design is not None  # made at the begin of the run
+        assert self._course is not None  # made at the begin of the run
         self._now, before = reading.now, self._correction
-        self._correction = self._tracker.correct(round(reading.begin / self._design.period), *self._observer.see(observation))
+        index = round(reading.begin / self._course.period) if reading.end > reading.begin else None
+        age = max(round((reading.now - observation.time) / self._course.period), 0)
+        self._correction = self._tracker.correct(index, self._observer.see(observation), clock=reading.begin, age=age)
         self._largest = max(self._largest, float(np.abs(self._correction).max()))
         return Corrected(
             activation=self._activation, begin=reading.now, period=reading.period, clock=(reading.begin, reading.end),
-            groups=self._design.groups, before=before, after=self._correction,
+            groups=self._course.groups, before=before, after=self._correction,
         )  # fmt: skip
 
     def report(self) -> ControllerReport:
         """Largest correction, and the errors of gains and drag that it believes in."""
-        if self._design is None:
+        if self._course is None:
             return ControllerReport()
-        errors = dict(zip((*self._design.groups, "drag"), self._tracker.errors.round(3).tolist(), strict=True))
+        errors = dict(zip((*self._course.groups, "drag"), self._tracker.errors.round(3).tolist(), strict=True))
         return ControllerReport(largest_correction=self._largest, estimated_errors=errors, design_time=self._design_time)

@@ -280,6 +280,24 @@ def present(points: ArrayLike, frames: ArrayLike, pole: ArrayLike = (0.0, 0.0, 1
     return float(turned[0]), float(lifted[0])
 
 
+def present_of_frames(frames: ArrayLike, pole: ArrayLike = (0.0, 0.0, 1.0)) -> tuple[float, float]:
+    """Twist and lifted writhe of one instant by the frames alone, for who watches an arm: noise of the nodes does not tilt them.
+
+    Parameters
+    ----------
+    frames : (m, 3, 3) array_like
+        At stations from base to tip.
+    pole : (3,) array_like
+
+    Returns
+    -------
+    (float, float), turns
+        Lifted writhe modulo 2.
+    """
+    turned, lifted, _ = _frame_measures(frame_series(frames)[0], unit_pole(pole))
+    return float(turned[0]), float(lifted[0])
+
+
 def sucker_orientation(frames: ArrayLike, azimuth: float, least_bend: float = 1e-6) -> float | Floats:
     """Tell how far the arm bends toward its suckers: 1 with suckers inside every bend, -1 outside.
 

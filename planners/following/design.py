@@ -1,0 +1,204 @@
+"""Design of the feedback along a plan: prices, linear models of its periods, gains.
+
+Around the planned motion q_k, u_k the reduced model reads, with x = q - q_k and v = u - u_k (one level per muscle group in use),
+
+    x_{k+1} = A_k x_k + B_k v_k + E_k theta + c_k,      E_k = [B_k diag(u_k), dq_{k+1}/d(drag)]
+
+theta: relative errors of the groups' gains and of the water's drag. c_k is zero while the plan's clock runs. While it stands, q_k and the
+planned levels stay, and c_k is by how much the model moves on from q_k under them. The regulator minimises the sum of y' Q y + x' S x +
+v' R v with the topology error y = C_k x_k. While the clock stands that is an infinite sum, discounted because what is released at the end
+of a plan cannot be held; its cost is also the terminal cost of the plan.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from octoctrl.sim.body.arm import MUSCLE_GROUPS
+
+from ..contracts import Floats
+from ..model.reduced import ReducedModel, ReducedMotion
+from ..solving.plan import Plan
+
+TOPOLOGY_ERROR = 0.01
+"""Error of lifted writhe or twist (turns) that costs as much as a correction of `CORRECTION`."""
+
+CORRECTION, REST_SHARE = 0.1, 0.05
+"""Change of a level, at the group's highest planned level, that costs as much as an error of `TOPOLOGY_ERROR`; and the share of it that a
+group at rest has. A resting muscle can only pull, so that what should correct both ways would curl the arm."""
+
+LEAST_LEVEL = 1e-3
+"""Highest planned level of a group that hardly takes part; keeps its corrections finite."""
+
+SHAPE_ERROR = 0.1
+"""Error of all strains, as bending strain or stretch, that costs as much."""
+
+SHAPE_NOISE, MOTION_NOISE = 0.003, 0.3
+"""Prediction error of one period that is put down to chance: as bending strain or stretch, and as a share of the planned change, which
+the model without inertia foresees a little early."""
+
+DISCOUNT = 0.96
+"""Weight of a period's price against that of the one before while the clock stands."""
+
+ITERATIONS, CONVERGED = 400, 1e-9
+"""Of the standing clock's recursion: how many at most, and the relative change at which it ends."""
+
+
+class Linear(NamedTuple):
+    """One period: A, B, E, c, C and the prices Q' (of x) and R (of v); n strains, m groups."""
+
+    transition: Floats
+    influence: Floats
+    disturbance: Floats
+    drift: Floats
+    slopes: Floats
+    price: Floats
+    effort: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Period:
+    """What the regulator needs of one period, n strains, m groups in use.
+
+    Attributes
+    ----------
+    linear : Linear
+    strains : (n,) float64
+        Planned shape at its begin.
+    levels : (m,) float64
+        Planned levels, the largest of any section.
+    topology : (2,) float64, turns
+        Planned twist and lifted writhe at its begin.
+    noise : (n,) float64
+        Standard deviation of the prediction error.
+    cost : (n, n) float64
+        P of the instant at its end, discounted.
+    gain, inverse : (m, n), (m, m) float64
+        Of v = -K x, and (R + B' P B)^-1.
+    """
+
+    linear: Linear
+    strains: Floats
+    levels: Floats
+    topology: Floats
+    noise: Floats
+    cost: Floats
+    gain: Floats
+    inverse: Floats
+
+    def closed(self) -> Floats:
+        """The transition with feedback, A - B K."""
+        return self.linear.transition - self.linear.influence @ self.gain
+
+
+class Course:
+    """A plan as the regulator sees it: its periods, and what holds while its clock stands.
+
+    Parameters
+    ----------
+    plan : Plan
+    model : ReducedModel
+    period : float, s
+        Between corrections.
+
+    Attributes
+    ----------
+    period : float, s
+    groups : tuple of str
+        Muscle groups that feedback may change.
+    periods : tuple of Period
+        Those of the running clock.
+    final : Period
+        That of the clock that stands at the plan's end, without its drift.
+    """
+
+    def __init__(self, plan: Plan, model: ReducedModel, period: float = 0.05) -> None:
+        self.period, self._model = period, model
+        self._activation, self._pole = plan.schedule.activation(), plan.task.convention.pole
+        self.groups: tuple[str, ...] = self._activation.groups
+        self._columns = [MUSCLE_GROUPS.index(group) for group in self.groups]
+        self._scale = strain_scale(model)
+        count = int(np.ceil(plan.schedule.duration / period - 1e-9))
+        levels = model.levels(self._activation, period * np.arange(1, count + 1))
+        self._motion = model.simulate(levels, np.full(count, period))
+        self._highest = np.maximum(levels[:, self._columns].max(axis=(0, 2)), LEAST_LEVEL)
+        self._standing: tuple[float, Period] | None = None
+        final = self.standing(plan.schedule.duration)
+        # What the arm does after the plan is no reason to leave it before.
+        self.final = replace(final, linear=final.linear._replace(drift=np.zeros_like(final.strains)))
+        linear, planned, topology = self._linear(self._motion, levels)
+        cost, periods = self.final.cost / DISCOUNT, []
+        for k in range(count - 1, -1, -1):
+            gain, inverse, before = _regulator(linear[k], cost)
+            change = self._motion.strains[k + 1] - self._motion.strains[k]
+            periods.append(
+                Period(
+                    linear=linear[k], strains=self._motion.strains[k].ravel(), levels=planned[k], topology=topology[k],
+                    noise=self._noise(change), cost=cost, gain=gain, inverse=inverse,
+                )
+            )  # fmt: skip
+            cost = before
+        self.periods = tuple(periods[::-1])
+
+    def standing(self, clock: float) -> Period:
+        """What holds while the clock stands at `clock`, s, and when it is beyond the plan's end."""
+        if self._standing is not None and self._standing[0] == clock:
+            return self._standing[1]
+        model, index = self._model, min(round(clock / self.period), len(self._motion.time) - 1)
+        # Levels that stay need no allowance for the lag with which the arm answers.
+        levels = model.levels(self._activation, np.array([clock + model.lag]))
+        start = self._motion.strains[index]
+        motion = model.simulate(levels, np.array([self.period]), start=start)
+        change = motion.strains[1] - start
+        (linear,), (planned,), (topology,) = self._linear(motion, levels)
+        linear = linear._replace(drift=change.ravel())
+        cost = linear.price
+        for _ in range(ITERATIONS):
+            gain, inverse, before = _regulator(linear, DISCOUNT * cost)
+            settled = np.abs(before - cost).max() < CONVERGED * np.abs(before).max()
+            cost = before
+            if settled:
+                break
+        gain, inverse, _ = _regulator(linear, DISCOUNT * cost)
+        found = Period(
+            linear=linear, strains=start.ravel(), levels=planned, topology=topology, noise=self._noise(change), cost=DISCOUNT * cost,
+            gain=gain, inverse=inverse,
+        )  # fmt: skip
+        self._standing = clock, found
+        return found
+
+    def _linear(self, motion: ReducedMotion, levels: Floats) -> tuple[list[Linear], Floats, Floats]:
+        """Linear models of the steps of a motion, planned levels (N, m), and topology (N, 2) at the steps' begins."""
+        model, count = self._model, len(levels)
+        transition, influence, drag = model.linearise(motion, levels, np.full(count, self.period))
+        influence = influence[:, :, self._columns].sum(axis=3)
+        planned = levels[:, self._columns].max(axis=2)
+        disturbance = np.concatenate([influence * planned[:, None, :], drag[:, :, None]], axis=2)
+        values, slopes = model.outputs(motion.strains[:-1], self._pole)
+        values, slopes = values[:, :2], slopes[:, :2].reshape(count, 2, -1)
+        price = np.swapaxes(slopes, 1, 2) @ slopes / TOPOLOGY_ERROR**2 + np.diag(1 / (SHAPE_ERROR * self._scale) ** 2)
+        effort = 1 / (CORRECTION * (REST_SHARE + planned / self._highest)) ** 2
+        still = np.zeros(len(self._scale))
+        linear = [Linear(transition[k], influence[k], disturbance[k], still, slopes[k], price[k], np.diag(effort[k])) for k in range(count)]
+        return linear, planned, values
+
+    def _noise(self, change: Floats) -> Floats:
+        return np.hypot(SHAPE_NOISE * self._scale, MOTION_NOISE * change.ravel())
+
+
+def _regulator(linear: Linear, cost: Floats) -> tuple[Floats, Floats, Floats]:
+    """K, (R + B' P B)^-1 for the cost P at a period's end, and the cost at its begin."""
+    a, b = linear.transition, linear.influence
+    inverse = np.asarray(np.linalg.inv(linear.effort + b.T @ cost @ b), dtype=np.float64)
+    gain = inverse @ b.T @ cost @ a
+    before = linear.price + a.T @ cost @ (a - b @ gain)
+    return gain, inverse, (before + before.T) / 2
+
+
+def strain_scale(model: ReducedModel) -> Floats:
+    """Strains (4 S,) that a fibre at the longitudinal muscles' distance feels as one."""
+    offset = model.arm.section((model.edges[1:] + model.edges[:-1]) / 2).muscle_offset
+    scale = np.ones((model.sections, 4))
+    scale[:, :3] = 1 / offset[:, None]
+    return scale.ravel()
