@@ -107,14 +107,14 @@ def push_point(bodies, x, v, m, radius, anchors, stiffness, h, steps, force):
             gap, n1, n2, n3 = distance(bodies[j], x[0], x[1], x[2])
             normals[j, 0], normals[j, 1], normals[j, 2] = n1, n2, n3
             p1, p2, p3 = touch(
-                bodies[j], anchors[j], gap - radius, n1, n2, n3, x[0], x[1], x[2], v[0], v[1], v[2], 1 / m, 1 / m, stiffness, h
+                bodies[j], anchors, j, gap - radius, n1, n2, n3, x[0], x[1], x[2], v[0], v[1], v[2], 1 / m, 1 / m, stiffness, h
             )
             v[0] += p1 / m
             v[1] += p2 / m
             v[2] += p3 / m
         for j in range(bodies.shape[0]):
             if anchors[j, 5] > 0:
-                follow(bodies[j], anchors[j], normals[j, 0], normals[j, 1], normals[j, 2], x[0], x[1], x[2], v[0], v[1], v[2], h)
+                follow(bodies[j], anchors, j, normals[j, 0], normals[j, 1], normals[j, 2], x[0], x[1], x[2], v[0], v[1], v[2], h)
         for i in range(3):
             x[i] += 0.5 * h * v[i]
         drift_bodies(bodies, 0.5 * h)

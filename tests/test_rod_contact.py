@@ -151,3 +151,30 @@ def test_a_floor_stops_the_arm():
     # The tip alone would go 38 mm down; its own radius counts.
     assert run.points[:, :, 2].min() > -0.03
     assert Touch.of(run.series, "floor").force[-1, 2] < 0
+
+
+TABLE = """
+[[scene.objects]]
+kind = "capsule"
+name = "post"
+radius = "8 mm"
+length = "80 mm"
+position = ["0 mm", "70 mm", "-22 mm"]
+axis = [1, 0, 0]
+support = { kind = "free", since = "4 s" }
+density = 105.0
+"""
+
+
+def test_objects_of_a_task_file():
+    from octoctrl.files.configuration import parse
+    from octoctrl.files.toml_writing import toml_of
+
+    text = toml_of(oc.tasks.load("coil"))
+    found = parse(text + TABLE)
+    assert found.scene.objects == (replace(POST, density=105.0, support=Free(since=4.0)),)
+    assert parse(toml_of(found)) == found
+    with pytest.raises(OctoctrlError, match=r"scene.objects\[0\].kind: unknown kind 'capsul'; did you mean 'Capsule'"):
+        parse(text + TABLE.replace("capsule", "capsul"))
+    with pytest.raises(OctoctrlError, match="object 'post' can move but has no mass; give mass or density"):
+        parse(text + TABLE.replace("density = 105.0", ""))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.objects import Free, Moved, RigidObject, Springs, frame_of
+from ..scene.objects import Fixed, Free, Moved, RigidObject, Springs, frame_of
 from .columns import Body
 
 Floats = NDArray[np.float64]
@@ -35,6 +35,7 @@ def rows_of(objects: Sequence[RigidObject], *, water_density: float = 0.0) -> Fl
         row[Body.STATIC], row[Body.KINETIC] = item.friction
         row[Body.STIFFNESS], row[Body.BOUND] = item.stiffness, item.bound
         support = item.support
+        row[Body.MOVING] = not isinstance(support, Fixed)
         if isinstance(support, Moved):
             row[Body.VELOCITY : Body.VELOCITY + 3] = support.velocity
             row[Body.SPIN : Body.SPIN + 3] = support.spin

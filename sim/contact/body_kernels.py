@@ -11,7 +11,7 @@ from .columns import Body
 
 POSITION, FRAME, VELOCITY, MOMENTUM, SPIN = (int(c) for c in (Body.POSITION, Body.FRAME, Body.VELOCITY, Body.MOMENTUM, Body.SPIN))
 INVERSE_MASS, INVERSE_INERTIA, DAMPING = (int(c) for c in (Body.INVERSE_MASS, Body.INVERSE_INERTIA, Body.DAMPING))
-SPRING, HOME, HOME_AXIS, PUSH = (int(c) for c in (Body.SPRING, Body.HOME, Body.HOME_AXIS, Body.PUSH))
+SPRING, HOME, HOME_AXIS, PUSH, MOVING = (int(c) for c in (Body.SPRING, Body.HOME, Body.HOME_AXIS, Body.PUSH, Body.MOVING))
 
 
 @kernel
@@ -54,6 +54,8 @@ def rotate(body, u1, u2, u3):
 def drift_bodies(bodies, h):
     """Move and turn all bodies for a time h."""
     for j in range(bodies.shape[0]):
+        if bodies[j, MOVING] == 0.0:
+            continue
         body = bodies[j]
         for i in range(3):
             body[POSITION + i] += h * body[VELOCITY + i]
@@ -76,6 +78,8 @@ def drift_bodies(bodies, h):
 def straighten(bodies):
     """Make the frames orthonormal again, to first order of what rounding and series have left: once a sample."""
     for j in range(bodies.shape[0]):
+        if bodies[j, MOVING] == 0.0:
+            continue
         body = bodies[j]
         for _ in range(2):
             for row in range(3):
@@ -94,10 +98,10 @@ def straighten(bodies):
 def kick_bodies(bodies, h):
     """Springs, pushes and damping over one step; springs of position are implicit, damping is exact."""
     for j in range(bodies.shape[0]):
-        body = bodies[j]
-        mobility = body[INVERSE_MASS]
+        mobility = bodies[j, INVERSE_MASS]
         if mobility == 0.0:
             continue
+        body = bodies[j]
         rate, turning = body[DAMPING], body[DAMPING + 1]
         decay, turn_decay = np.exp(-rate * h), np.exp(-turning * h)
         # phi1: a force keeps its full effect under exact damping.

@@ -35,7 +35,9 @@ class Body(IntEnum):
     PUSH = 43  # 3, force
     IMPULSE, COUPLE = 46, 49  # 3 and 3, received from the arm since they were cleared
     NORMAL, DEEPEST, LOADED = 52, 53, 54  # sum of normal impulses, deepest overlap (m) and points loaded since they were cleared
-    WIDTH = 56
+    SLIPPED = 55  # longest path slid by a point since it first touched, m
+    MOVING = 56  # whether it can go anywhere at all
+    WIDTH = 58
 
 
 class Anchor(IntEnum):

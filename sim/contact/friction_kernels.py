@@ -10,6 +10,8 @@ Backward Euler for the spring and its damper, so there is no limit on the step; 
 (Simo & Laursen 1992, Computers & Structures 42:97). Impulses act on arm and body at once, point by point in a fixed order. The anchor
 follows the velocity that the surfaces have at the end of the step, when the implicit muscles have had their say (`follow`): with the
 predicted one the arm would tremble in its grasp for ever.
+
+`anchors` are those of all points with one body, (P, Anchor.WIDTH), and `point` the one that touches.
 """
 
 import numpy as np
@@ -20,7 +22,7 @@ from .columns import Anchor, Body
 
 POSITION, VELOCITY, MOMENTUM, INVERSE_MASS = (int(c) for c in (Body.POSITION, Body.VELOCITY, Body.MOMENTUM, Body.INVERSE_MASS))
 STATIC, KINETIC, IMPULSE, COUPLE = (int(c) for c in (Body.STATIC, Body.KINETIC, Body.IMPULSE, Body.COUPLE))
-SUM, DEEPEST, LOADED = int(Body.NORMAL), int(Body.DEEPEST), int(Body.LOADED)
+SUM, DEEPEST, LOADED, SLIPPED = (int(c) for c in (Body.NORMAL, Body.DEEPEST, Body.LOADED, Body.SLIPPED))
 STRETCH, SLIDING, SLIP, NORMAL = (int(c) for c in (Anchor.STRETCH, Anchor.SLIDING, Anchor.SLIP, Anchor.NORMAL))
 
 TANGENTIAL = 0.5
@@ -31,11 +33,11 @@ TINY = 1e-300
 
 
 @kernel
-def apart(anchor):
+def apart(anchors, p):
     """Forget a touch, but for the path slid."""
     for i in range(6):
         if i != SLIP:
-            anchor[i] = 0.0
+            anchors[p, i] = 0.0
 
 
 @kernel
@@ -60,7 +62,7 @@ def mobility_along(body, b1, b2, b3, e1, e2, e3):
 
 
 @kernel
-def touch(body, anchor, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm_tangent, stiffness, h):
+def touch(body, anchors, point, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm_tangent, stiffness, h):
     """Impulse on the arm at the place c, where its surface moves with v; the body receives the opposite at once."""
     b1, b2, b3 = c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2]
     v1, v2, v3 = relative(body, b1, b2, b3, v1, v2, v3)
@@ -70,10 +72,10 @@ def touch(body, anchor, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm
     a = h * (h * stiffness + damping)
     p = (-h * stiffness * gap - a * normal_speed) / (1 + a * w)
     if not p > 0:
-        apart(anchor)
+        apart(anchors, point)
         return 0.0, 0.0, 0.0
     t1, t2, t3 = v1 - normal_speed * n1, v2 - normal_speed * n2, v3 - normal_speed * n3
-    s1, s2, s3 = anchor[STRETCH], anchor[STRETCH + 1], anchor[STRETCH + 2]
+    s1, s2, s3 = anchors[point, STRETCH], anchors[point, STRETCH + 1], anchors[point, STRETCH + 2]
     out = s1 * n1 + s2 * n2 + s3 * n3
     s1, s2, s3 = s1 - out * n1, s2 - out * n2, s3 - out * n3
     tangential = TANGENTIAL * stiffness
@@ -86,15 +88,15 @@ def touch(body, anchor, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm
     q2 = -(h * tangential * s2 + b * t2) * share
     q3 = -(h * tangential * s3 + b * t3) * share
     size = np.sqrt(q1 * q1 + q2 * q2 + q3 * q3)
-    if size > (body[KINETIC] if anchor[SLIDING] > 0 else body[STATIC]) * p:
+    if size > (body[KINETIC] if anchors[point, SLIDING] > 0 else body[STATIC]) * p:
         shorter = body[KINETIC] * p / size
         q1, q2, q3 = shorter * q1, shorter * q2, shorter * q3
         s1, s2, s3 = -q1 / (h * tangential), -q2 / (h * tangential), -q3 / (h * tangential)
-        anchor[SLIDING] = 1.0
+        anchors[point, SLIDING] = 1.0
     else:
-        anchor[SLIDING] = 0.0
-    anchor[STRETCH], anchor[STRETCH + 1], anchor[STRETCH + 2] = s1, s2, s3
-    anchor[NORMAL] = p / h
+        anchors[point, SLIDING] = 0.0
+    anchors[point, STRETCH], anchors[point, STRETCH + 1], anchors[point, STRETCH + 2] = s1, s2, s3
+    anchors[point, NORMAL] = p / h
     p1, p2, p3 = p * n1 + q1, p * n2 + q2, p * n3 + q3
     l1, l2, l3 = b2 * p3 - b3 * p2, b3 * p1 - b1 * p3, b1 * p2 - b2 * p1
     mobility = body[INVERSE_MASS]
@@ -118,14 +120,15 @@ def touch(body, anchor, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm
 
 
 @kernel
-def follow(body, anchor, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
+def follow(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
     """At the end of the step an anchor that holds is stretched by the motion that really takes place; one that slides counts its path."""
     v1, v2, v3 = relative(body, c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2], v1, v2, v3)
     normal_speed = v1 * n1 + v2 * n2 + v3 * n3
     t1, t2, t3 = v1 - normal_speed * n1, v2 - normal_speed * n2, v3 - normal_speed * n3
-    if anchor[SLIDING] > 0:
-        anchor[SLIP] += h * np.sqrt(t1 * t1 + t2 * t2 + t3 * t3)
+    if anchors[point, SLIDING] > 0:
+        anchors[point, SLIP] += h * np.sqrt(t1 * t1 + t2 * t2 + t3 * t3)
+        body[SLIPPED] = max(body[SLIPPED], anchors[point, SLIP])
     else:
-        anchor[STRETCH] += h * t1
-        anchor[STRETCH + 1] += h * t2
-        anchor[STRETCH + 2] += h * t3
+        anchors[point, STRETCH] += h * t1
+        anchors[point, STRETCH + 1] += h * t2
+        anchors[point, STRETCH + 2] += h * t3

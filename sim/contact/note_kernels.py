@@ -2,22 +2,21 @@
 
 from ..compiler import kernel
 from .body_kernels import straighten
-from .columns import Anchor, Body
+from .columns import Body
 from .world import World
 
-IMPULSE, LOADED, DEEPEST, NORMAL, SLIP = int(Body.IMPULSE), int(Body.LOADED), int(Body.DEEPEST), int(Anchor.NORMAL), int(Anchor.SLIP)
+IMPULSE, NORMAL, LOADED = int(Body.IMPULSE), int(Body.NORMAL), int(Body.LOADED)
 
 
 @kernel
-def note(world: World, sample: int) -> None:
-    """Copy the bodies, and forces and slip of the points; clear what was summed over the sample."""
+def note(world: World, sample: int, h: float, steps: int) -> None:
+    """Copy the bodies, with means over the sample in place of sums, and clear the sums."""
     straighten(world.bodies)
     for j in range(world.bodies.shape[0]):
-        body = world.bodies[j]
-        for i in range(body.shape[0]):
-            world.notes[sample, j, i] = body[i]
+        for i in range(world.bodies.shape[1]):
+            world.notes[sample, j, i] = world.bodies[j, i]
+        for i in range(IMPULSE, NORMAL + 1):
+            world.notes[sample, j, i] /= h * steps
+        world.notes[sample, j, LOADED] /= steps
         for i in range(IMPULSE, LOADED + 1):
-            body[i] = 0.0
-        for p in range(world.anchors.shape[1]):
-            world.loads[sample, j, p, 0] = world.anchors[j, p, NORMAL]
-            world.loads[sample, j, p, 1] = world.anchors[j, p, SLIP]
+            world.bodies[j, i] = 0.0

@@ -15,8 +15,8 @@ from .world import Points, World
 
 Floats = NDArray[np.float64]
 
-QUANTITIES = ("position", "frame", "velocity", "force", "couple", "normal_force", "deepest", "loaded", "slip")
-"""What is recorded of each object, as series called ``object/quantity``; see `Touch`."""
+PREFIX = "touch "
+"""Before the names of objects in the series of a recording."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,10 +59,21 @@ class Touch:
         OctoctrlError
             If nothing of it was recorded.
         """
-        if f"{name}/position" not in series:
-            known = sorted({key.partition("/")[0] for key in series if "/" in key})
+        if PREFIX + name not in series:
+            known = [key.removeprefix(PREFIX) for key in series if key.startswith(PREFIX)]
             raise OctoctrlError(f"no object '{name}' was recorded; there are: {', '.join(known) or 'none'}")
-        return cls(**{quantity: series[f"{name}/{quantity}"] for quantity in QUANTITIES})
+        note = series[PREFIX + name]
+        return cls(
+            position=note[:, Body.POSITION : Body.POSITION + 3],
+            frame=note[:, Body.FRAME : Body.FRAME + 9].reshape(-1, 3, 3),
+            velocity=note[:, Body.VELOCITY : Body.VELOCITY + 3],
+            force=note[:, Body.IMPULSE : Body.IMPULSE + 3],
+            couple=note[:, Body.COUPLE : Body.COUPLE + 3],
+            normal_force=note[:, Body.NORMAL],
+            deepest=note[:, Body.DEEPEST],
+            loaded=note[:, Body.LOADED],
+            slip=note[:, Body.SLIPPED],
+        )
 
 
 class Surroundings:
@@ -120,31 +131,15 @@ class Surroundings:
             if held and round(item.support.since / sample) <= first:  # type: ignore[union-attr]
                 release(body, item, self.water_density)
 
-    def series(self, world: World | None = None, sample: float = 1.0, steps: int = 1) -> dict[str, Floats]:
-        """What is recorded: of the samples that `world` has notes of, or, without one, of the present instant."""
-        if world is None:
-            notes, loads = self.world.bodies[None].copy(), self.world.anchors[None][..., [Anchor.NORMAL, Anchor.SLIP]]
-            notes[..., Body.IMPULSE : Body.LOADED + 1] = 0.0
-            notes[..., Body.NORMAL] = loads[..., 0].sum(axis=-1)
-            notes[..., Body.LOADED] = (loads[..., 0] > 0).sum(axis=-1)
-        else:
-            notes, loads = world.notes, world.loads
-        found: dict[str, Floats] = {}
-        for index, item in enumerate(self.objects):
-            note = notes[:, index]
-            values = {
-                "position": note[:, Body.POSITION : Body.POSITION + 3],
-                "frame": note[:, Body.FRAME : Body.FRAME + 9].reshape(-1, 3, 3),
-                "velocity": note[:, Body.VELOCITY : Body.VELOCITY + 3],
-                "force": note[:, Body.IMPULSE : Body.IMPULSE + 3] / sample,
-                "couple": note[:, Body.COUPLE : Body.COUPLE + 3] / sample,
-                "normal_force": note[:, Body.NORMAL] / sample,
-                "deepest": note[:, Body.DEEPEST],
-                "loaded": note[:, Body.LOADED] / steps,
-                "slip": loads[:, index, :, 1].max(axis=1),
-            }
-            found |= {f"{item.name}/{name}": np.array(value) for name, value in values.items()}
-        return found
+    def series(self, world: World) -> dict[str, Floats]:
+        """What `world` has notes of, by name of the object: to be read as a `Touch`."""
+        return {f"{PREFIX}{item.name}": world.notes[:, index] for index, item in enumerate(self.objects)}
+
+    def now(self) -> dict[str, Floats]:
+        """What is to be noted of the present instant, by name of the object."""
+        notes, forces = self.world.bodies.copy(), self.world.anchors[..., Anchor.NORMAL]
+        notes[:, Body.NORMAL], notes[:, Body.LOADED] = forces.sum(axis=1), (forces > 0).sum(axis=1)
+        return {f"{PREFIX}{item.name}": note for item, note in zip(self.objects, notes, strict=True)}
 
     def state(self) -> dict[str, Floats]:
         """Copies of the arrays that hold all of it."""

@@ -46,20 +46,21 @@ class World(NamedTuple):
     points : Points
     bodies : (M, Body.WIDTH) float64
     anchors : (M, P, Anchor.WIDTH) float64
-    pairs : (M P, 2) int64
-        Point and body of the pairs that may meet in the present sample.
+    near : (M, P) int64
+        Points that may meet each body in the present sample, and how many they are: `counts` (M,) int64.
+    meetings : (M, P, 7) float64
+        Normal, place and lever of these in the present step.
     notes : (T, M, Body.WIDTH) float64
         The bodies at the end of each sample.
-    loads : (T, M, P, 2) float64
-        Normal force (N) and path slid (m) at each point, at the end of each sample.
     """
 
     points: Points
     bodies: Floats
     anchors: Floats
-    pairs: NDArray[np.int64]
+    near: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    meetings: Floats
     notes: Floats
-    loads: Floats
 
     @classmethod
     def of(cls, points: Points, objects: Sequence[RigidObject], *, water_density: float = 0.0) -> "World":
@@ -69,15 +70,15 @@ class World(NamedTuple):
             points=points,
             bodies=bodies,
             anchors=np.zeros((len(bodies), count, Anchor.WIDTH)),
-            pairs=np.zeros((len(bodies) * count, 2), dtype=np.int64),
+            near=np.zeros((len(bodies), count), dtype=np.int64),
+            counts=np.zeros(len(bodies), dtype=np.int64),
+            meetings=np.zeros((len(bodies), count, 7)),
             notes=np.empty((0, len(bodies), Body.WIDTH)),
-            loads=np.empty((0, len(bodies), count, 2)),
         )
 
     def with_room(self, samples: int) -> "World":
         """The same bodies and anchors, with notes for so many samples."""
-        _, bodies, count, _ = self.loads.shape
-        return self._replace(notes=np.zeros((samples, bodies, Body.WIDTH)), loads=np.zeros((samples, bodies, count, 2)))
+        return self._replace(notes=np.zeros((samples, len(self.bodies), Body.WIDTH)))
 
 
 def points_of(edges: Floats, radius: Floats, thinnest: float = np.inf) -> Points:

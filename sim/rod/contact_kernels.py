@@ -8,7 +8,7 @@ turns the element by its lever from the centreline. Order in a step: kick, `touc
 import numpy as np
 
 from ..compiler import kernel
-from ..contact.columns import Body
+from ..contact.columns import Anchor, Body
 from ..contact.friction_kernels import follow as follow_point
 from ..contact.friction_kernels import touch as touch_point
 from ..contact.shape_kernels import distance
@@ -16,10 +16,10 @@ from .layout import offsets
 
 ONE = np.uint64(1)
 POSITION, BOUND, STIFFNESS = int(Body.POSITION), int(Body.BOUND), int(Body.STIFFNESS)
-VELOCITY = int(Body.VELOCITY)
+VELOCITY, NORMAL = int(Body.VELOCITY), int(Anchor.NORMAL)
 NEAR = 0.5e-3
 """Gap (m) up to which the law is asked; above it nothing acts unless a force did in the step before."""
-LEAST_MARGIN = 3e-3
+LEAST_MARGIN = 1e-3
 """Gap (m) within which a pair is watched during a sample, at least."""
 
 
@@ -35,8 +35,8 @@ def rod_contact_kernels(stride, constant_section=False):
     Returns
     -------
     watch, touch, follow : compiled functions
-        ``watch(buffer, points, bodies, sample, pairs) -> count`` lists the pairs that may meet within a sample (s);
-        ``touch(buffer, points, bodies, anchors, pairs, count, h)`` exchanges impulses; ``follow`` with the same arguments moves anchors.
+        ``watch(buffer, world, sample)`` lists the points that may meet each body within a sample (s);
+        ``touch(buffer, world, h)`` exchanges impulses; ``follow`` with the same arguments moves anchors.
     """
     o = offsets(stride)
     X = (o["X1"], o["X2"], o["X3"])
@@ -83,69 +83,92 @@ def rod_contact_kernels(stride, constant_section=False):
         )
 
     @kernel
-    def watch(b, points, bodies, sample, pairs):
-        count, fastest = 0, 0.0
+    def watch(b, world, sample):
+        points, bodies = world.points, world.bodies
+        fastest, widest = 0.0, 0.0
+        low1, low2, low3, high1, high2, high3 = np.inf, np.inf, np.inf, -np.inf, -np.inf, -np.inf
         for p in range(len(points.element)):
             k = points.element[p]
-            fastest = max(fastest, b[V1 + k] ** 2 + b[V2 + k] ** 2 + b[V3 + k] ** 2)
+            fastest, widest = max(fastest, b[V1 + k] ** 2 + b[V2 + k] ** 2 + b[V3 + k] ** 2), max(widest, points.radius[p])
+            x1, x2, x3 = place(b, k, points.share[p])
+            low1, low2, low3 = min(low1, x1), min(low2, x2), min(low3, x3)
+            high1, high2, high3 = max(high1, x1), max(high2, x2), max(high3, x3)
         for j in range(bodies.shape[0]):
-            body = bodies[j]
-            quickest = body[VELOCITY] ** 2 + body[VELOCITY + 1] ** 2 + body[VELOCITY + 2] ** 2
+            world.counts[j] = 0
+            quickest = bodies[j, VELOCITY] ** 2 + bodies[j, VELOCITY + 1] ** 2 + bodies[j, VELOCITY + 2] ** 2
             margin = max(LEAST_MARGIN, 1.5 * sample * (np.sqrt(fastest) + np.sqrt(quickest)))
+            y1, y2, y3 = bodies[j, POSITION], bodies[j, POSITION + 1], bodies[j, POSITION + 2]
+            reach = bodies[j, BOUND] + 1.5 * widest + margin
+            # First the box of the whole arm.
+            if not (low1 - reach < y1 < high1 + reach and low2 - reach < y2 < high2 + reach and low3 - reach < y3 < high3 + reach):
+                if reach < np.inf:
+                    continue
+            body, near, count = bodies[j], world.near[j], 0
             for p in range(len(points.element)):
                 x1, x2, x3 = place(b, points.element[p], points.share[p])
                 reach = body[BOUND] + 1.5 * points.radius[p] + margin
-                away = (x1 - body[POSITION]) ** 2 + (x2 - body[POSITION + 1]) ** 2 + (x3 - body[POSITION + 2]) ** 2
-                if away > reach * reach:
+                if (x1 - y1) ** 2 + (x2 - y2) ** 2 + (x3 - y3) ** 2 > reach * reach:
                     continue
                 gap = distance(body, x1, x2, x3)[0]
-                if gap < 1.5 * points.radius[p] + margin:
-                    pairs[count, 0], pairs[count, 1] = p, j
+                if gap < 1.05 * present_radius(b, points, p, points.element[p]) + margin:
+                    near[count] = p
                     count += 1
-        return count
+            world.counts[j] = count
 
     @kernel
-    def touch(b, points, bodies, anchors, pairs, count, h):
-        for i in range(count):
-            p, j = pairs[i, 0], pairs[i, 1]
-            k, xi, body, anchor = points.element[p], points.share[p], bodies[j], anchors[j, p]
-            q = k + ONE
-            gap, n1, n2, n3, c1, c2, c3, arm = lever(b, points, p, k, body)
-            if gap > NEAR and anchor[5] == 0.0:
+    def touch(b, world, h):
+        points = world.points
+        for j in range(world.bodies.shape[0]):
+            count = world.counts[j]
+            if count == 0:
                 continue
-            normal = ((1 - xi) * (1 - xi) * b[MOBILITY + k] + xi * xi * b[MOBILITY + q]) / h
-            if normal == 0.0:  # between held nodes
-                continue
-            turn = (1.0 if constant_section else b[STRETCH + k]) / h
-            tangent = normal + arm * arm * turn * max(b[MOBILITY1 + k], b[MOBILITY2 + k], b[MOBILITY3 + k])
-            l1, l2, l3 = arm * n1, arm * n2, arm * n3
-            v1, v2, v3 = surface_velocity(b, k, xi, l1, l2, l3)
-            stiffness = body[STIFFNESS] * points.length[p]
-            p1, p2, p3 = touch_point(body, anchor, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, normal, tangent, stiffness, h)
-            if p1 == 0.0 and p2 == 0.0 and p3 == 0.0:
-                continue
-            near, far = (1 - xi) * b[MOBILITY + k] / h, xi * b[MOBILITY + q] / h
-            b[V1 + k] += near * p1
-            b[V2 + k] += near * p2
-            b[V3 + k] += near * p3
-            b[V1 + q] += far * p1
-            b[V2 + q] += far * p2
-            b[V3 + q] += far * p3
-            t1, t2, t3 = l2 * p3 - l3 * p2, l3 * p1 - l1 * p3, l1 * p2 - l2 * p1
-            b[W1 + k] += turn * b[MOBILITY1 + k] * (b[Q11 + k] * t1 + b[Q12 + k] * t2 + b[Q13 + k] * t3)
-            b[W2 + k] += turn * b[MOBILITY2 + k] * (b[Q21 + k] * t1 + b[Q22 + k] * t2 + b[Q23 + k] * t3)
-            b[W3 + k] += turn * b[MOBILITY3 + k] * (b[Q31 + k] * t1 + b[Q32 + k] * t2 + b[Q33 + k] * t3)
+            body, anchors, near, meetings = world.bodies[j], world.anchors[j], world.near[j], world.meetings[j]
+            for i in range(count):
+                p = near[i]
+                k, xi = points.element[p], points.share[p]
+                q = k + ONE
+                gap, n1, n2, n3, c1, c2, c3, arm = lever(b, points, p, k, body)
+                if gap > NEAR and anchors[p, NORMAL] == 0.0:
+                    continue
+                normal = ((1 - xi) * (1 - xi) * b[MOBILITY + k] + xi * xi * b[MOBILITY + q]) / h
+                if normal == 0.0:  # between held nodes
+                    continue
+                meetings[i, 0], meetings[i, 1], meetings[i, 2] = n1, n2, n3
+                meetings[i, 3], meetings[i, 4], meetings[i, 5], meetings[i, 6] = c1, c2, c3, arm
+                turn = (1.0 if constant_section else b[STRETCH + k]) / h
+                tangent = normal + arm * arm * turn * max(b[MOBILITY1 + k], b[MOBILITY2 + k], b[MOBILITY3 + k])
+                l1, l2, l3 = arm * n1, arm * n2, arm * n3
+                v1, v2, v3 = surface_velocity(b, k, xi, l1, l2, l3)
+                stiffness = body[STIFFNESS] * points.length[p]
+                p1, p2, p3 = touch_point(body, anchors, p, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, normal, tangent, stiffness, h)
+                if p1 == 0.0 and p2 == 0.0 and p3 == 0.0:
+                    continue
+                here, there = (1 - xi) * b[MOBILITY + k] / h, xi * b[MOBILITY + q] / h
+                b[V1 + k] += here * p1
+                b[V2 + k] += here * p2
+                b[V3 + k] += here * p3
+                b[V1 + q] += there * p1
+                b[V2 + q] += there * p2
+                b[V3 + q] += there * p3
+                t1, t2, t3 = l2 * p3 - l3 * p2, l3 * p1 - l1 * p3, l1 * p2 - l2 * p1
+                b[W1 + k] += turn * b[MOBILITY1 + k] * (b[Q11 + k] * t1 + b[Q12 + k] * t2 + b[Q13 + k] * t3)
+                b[W2 + k] += turn * b[MOBILITY2 + k] * (b[Q21 + k] * t1 + b[Q22 + k] * t2 + b[Q23 + k] * t3)
+                b[W3 + k] += turn * b[MOBILITY3 + k] * (b[Q31 + k] * t1 + b[Q32 + k] * t2 + b[Q33 + k] * t3)
 
     @kernel
-    def follow(b, points, bodies, anchors, pairs, count, h):
-        for i in range(count):
-            p, j = pairs[i, 0], pairs[i, 1]
-            anchor = anchors[j, p]
-            if anchor[5] == 0.0:
+    def follow(b, world, h):
+        points = world.points
+        for j in range(world.bodies.shape[0]):
+            count = world.counts[j]
+            if count == 0:
                 continue
-            k, body = points.element[p], bodies[j]
-            _, n1, n2, n3, c1, c2, c3, arm = lever(b, points, p, k, body)
-            v1, v2, v3 = surface_velocity(b, k, points.share[p], arm * n1, arm * n2, arm * n3)
-            follow_point(body, anchor, n1, n2, n3, c1, c2, c3, v1, v2, v3, h)
+            body, anchors, near, meetings = world.bodies[j], world.anchors[j], world.near[j], world.meetings[j]
+            for i in range(count):
+                p = near[i]
+                if anchors[p, NORMAL] == 0.0:
+                    continue
+                n1, n2, n3, arm = meetings[i, 0], meetings[i, 1], meetings[i, 2], meetings[i, 6]
+                v1, v2, v3 = surface_velocity(b, points.element[p], points.share[p], arm * n1, arm * n2, arm * n3)
+                follow_point(body, anchors, p, n1, n2, n3, meetings[i, 3], meetings[i, 4], meetings[i, 5], v1, v2, v3, h)
 
     return watch, touch, follow

@@ -218,7 +218,7 @@ class RodCore:
 
     def series(self) -> State:
         """Of each object of the scene, see `octoctrl.sim.contact.surroundings.Touch`."""
-        return {} if self._around is None else {name: values[0] for name, values in self._around.series().items()}
+        return {} if self._around is None else self._around.now()
 
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities (n + 1, 3) of the nodes and spins (n, 3) of the elements now."""
@@ -248,7 +248,7 @@ class RodCore:
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         world: Any = () if self._around is None else self._around.world.with_room(samples)
         done, finding, element = self._step(self._h, steps, levels, loads, world, points, frames, stretch)
-        series = {} if self._around is None else self._around.series(world, self._h * steps, steps)
+        series = {} if self._around is None else self._around.series(world)
         return Motion(
             points[:done],
             frames[:done],

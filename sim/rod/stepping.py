@@ -94,7 +94,7 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
         nu, elastic = scalars.hoop_ratio, scalars.elastic
         for sample in range(points.shape[0]):
             if touching:
-                near = watch(b, world.points, world.bodies, h * steps, world.pairs)
+                watch(b, world, h * steps)
                 drift_bodies(world.bodies, 0.5 * h)
             drift(b, n, 0.5 * h)
             before, after = levels[sample], levels[sample + 1]
@@ -127,15 +127,15 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
                 kick(b, n)
                 if touching:
                     kick_bodies(world.bodies, h)
-                    touch(b, world.points, world.bodies, world.anchors, world.pairs, near, h)
+                    touch(b, world, h)
                 brake(b, n)
                 relax(b, n)
                 if touching:
-                    follow(b, world.points, world.bodies, world.anchors, world.pairs, near, h)
+                    follow(b, world, h)
                     drift_bodies(world.bodies, h if step + 1 < steps else 0.5 * h)
                 drift(b, n, h if step + 1 < steps else 0.5 * h)
             if touching:
-                note(world, sample)
+                note(world, sample, h, steps)
             finding, element = guard(b, n)
             if finding != FINE:
                 return sample, finding, element
