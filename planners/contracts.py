@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from octoctrl.sim.activation import Template
 from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.contracts import ActivationSource
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.topology.trace import TopologyTrace
 
@@ -26,14 +27,6 @@ class When(Enum):
 
     END = "end"
     THROUGHOUT = "throughout"
-
-
-class ActivationSource(Protocol):
-    """Whatever gives levels of activation."""
-
-    def levels(self, times: Floats, edges: Floats) -> Floats:
-        """Levels (T, groups, n) of all muscle groups at `times`, s, in the cells between `edges`, m."""
-        ...
 
 
 class Outputs(Protocol):

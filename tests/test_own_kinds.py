@@ -104,6 +104,15 @@ def test_another_arm_has_another_plan_of_the_same_task(task):
     assert replace(again, drives=(replace(again.drives[0], primitive=Lean(level=0.11)),)) != again
 
 
+def test_lists_and_arrays_are_taken_for_tuples():
+    def lean(several, vector):
+        goals = several((oc.goal("tip", value=vector), oc.goal("twist", between=several((0.0, 1.0)), window=several((0.0, 0.1)))))
+        drive = oc.Drive(name="bend", primitive=oc.Bend(window=several((0.0, 0.1))), begins="a", free=several(("level",)))
+        return oc.Task(name="lean", phases=several((oc.Phase(name="a", duration=1.0, goals=goals),)), drives=several((drive,)))
+
+    assert lean(list, np.array([0.0, 0.1, 0.0])) == lean(tuple, (0.0, 0.1, 0.0)) and hash(lean(list, [0.0, 0.1, 0.0]))
+
+
 def test_names_that_are_taken_are_refused():
     with pytest.raises(OctoctrlError, match="a class called 'Twist' is registered already; choose another name"):
 

@@ -27,6 +27,14 @@ LEVEL_BOUNDS, RAMP_BOUNDS, SPEED_BOUNDS = (0.02, 0.75), (0.1, 4.0), (0.01, 0.4)
 """Range in which the planner may choose a level, the duration of a ramp (s) and the speed of a front (m/s)."""
 
 
+def _settle(primitive: "_Ramped | BendWave") -> None:
+    """Check the numbers, as soon as the arm is known; a window may come as a list and is kept as a tuple."""
+    if isinstance(primitive.window, list):
+        object.__setattr__(primitive, "window", tuple(primitive.window))
+    if not unresolved(primitive):
+        primitive.templates()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Ramped:
     """Numbers of every primitive that switches muscles on and off with ramps; a subclass names the muscles in `groups`."""
@@ -39,8 +47,7 @@ class _Ramped:
     window: tuple[Length, Length] = (0.0, inf)
 
     def __post_init__(self) -> None:
-        if not unresolved(self):
-            self.templates()
+        _settle(self)
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -131,8 +138,7 @@ class BendWave:
     window: tuple[Length, Length] = (0.0, inf)
 
     def __post_init__(self) -> None:
-        if not unresolved(self):
-            self.templates()
+        _settle(self)
 
     def templates(self) -> tuple[Template, ...]:
         """One wave on the three muscles of the side."""

@@ -35,6 +35,7 @@ class Schedule:
             raise OctoctrlError(
                 f"no primitives given; pass at least one or leave it out for the task's default ({', '.join(primitive_kinds())})"
             )
+        object.__setattr__(self, "primitives", tuple(self.primitives))
         for primitive in self.primitives:
             check_primitive("schedule", primitive)
         check_number("duration", self.duration, above=0.0, unit="s")

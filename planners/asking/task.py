@@ -55,6 +55,7 @@ class Phase:
 
     def __post_init__(self) -> None:
         _check_name("phase", self.name)
+        object.__setattr__(self, "goals", _several(f"phase '{self.name}': goals", self.goals))
         check_number(f"phase '{self.name}': shortest", self.shortest, above=0.0, unit="s")
         check_number(f"phase '{self.name}': longest", self.longest, at_least=self.shortest, unit="s")
         check_number(f"phase '{self.name}': duration", self.duration, at_least=self.shortest, at_most=self.longest, unit="s")
@@ -103,6 +104,7 @@ class Drive:
     def __post_init__(self) -> None:
         _check_name("drive", self.name)
         check_primitive(f"drive '{self.name}'", self.primitive)
+        object.__setattr__(self, "free", _several(f"drive '{self.name}': free", self.free))
         bounds = self.primitive.bounds()
         for number in self.free:
             if number not in bounds:
@@ -171,6 +173,8 @@ class Task:
     smoothness_weight: float = 0.1
 
     def __post_init__(self) -> None:
+        for name in ("phases", "drives"):
+            object.__setattr__(self, name, _several(f"task '{self.name}': {name}", getattr(self, name)))
         names = [phase.name for phase in self.phases]
         if not names:
             raise OctoctrlError(f"task '{self.name}' has no phases; give at least one")
@@ -250,6 +254,13 @@ def miss_in_phase(goal: Goal, time: Floats, misses: Floats, begin: float, end: f
     first = begin if goal.when is When.THROUGHOUT else max(end - goal.hold, begin)
     inside = misses[(time > first) & (time < end)]
     return float(np.concatenate([np.interp([first, end], time, misses), inside]).max())
+
+
+def _several(what: str, items: object) -> tuple[Any, ...]:
+    """A list or tuple as a tuple, so that tasks can be compared and hashed."""
+    if not isinstance(items, list | tuple):
+        raise OctoctrlError(f"{what} is {items!r}; several are needed, in brackets: ({items!r},) for one")
+    return tuple(items)
 
 
 def _check_name(what: str, name: object) -> None:

@@ -9,15 +9,17 @@ from octoctrl.sim.errors import OctoctrlError, check_number
 
 from ...contracts import Expression, Outputs, When
 from ..registry import register_goal, register_part
-from .measured import MeasuredGoal
+from .measured import MeasuredGoal, three_numbers
 
 Vector = tuple[float, float, float]
 Points = tuple[Expression, Expression, Expression]
 
 
-def _check_vector(name: str, vector: Vector, unit: str = "m") -> None:
+def _settle(zone: Any, name: str, unit: str = "m") -> None:
+    vector = three_numbers(f"{type(zone).__name__}: {name}", getattr(zone, name))
     for number in vector:
         check_number(name, number, unit=unit)
+    object.__setattr__(zone, name, vector)
 
 
 @register_part
@@ -35,7 +37,7 @@ class SphereZone:
     radius: float
 
     def __post_init__(self) -> None:
-        _check_vector("centre", self.centre)
+        _settle(self, "centre")
         check_number("radius", self.radius, above=0.0, unit="m")
 
     def distance(self, math: Any, points: Points) -> Expression:
@@ -60,8 +62,8 @@ class CapsuleZone:
     radius: float
 
     def __post_init__(self) -> None:
-        _check_vector("start", self.start)
-        _check_vector("stop", self.stop)
+        _settle(self, "start")
+        _settle(self, "stop")
         check_number("radius", self.radius, above=0.0, unit="m")
         if dist(self.start, self.stop) == 0.0:
             raise OctoctrlError(f"capsule: start and stop are both {self.start}; give two points, or a SphereZone")
@@ -92,8 +94,8 @@ class HalfSpaceZone:
     normal: Vector
 
     def __post_init__(self) -> None:
-        _check_vector("point", self.point)
-        _check_vector("normal", self.normal, unit="")
+        _settle(self, "point")
+        _settle(self, "normal", unit="")
         size = hypot(*self.normal)
         if size == 0.0:
             raise OctoctrlError("half-space: normal is (0, 0, 0); three numbers are needed, not all zero")

@@ -95,6 +95,10 @@ class ScalarGoal(MeasuredGoal):
 
     def __post_init__(self) -> None:
         MeasuredGoal.__post_init__(self)
+        if isinstance(self.between, list):
+            object.__setattr__(self, "between", tuple(self.between))
+        if self.between is not None and (not isinstance(self.between, tuple) or len(self.between) != 2):
+            raise OctoctrlError(f"goal {self.quantity}: between is {self.between!r}; two numbers are needed, the lower first")
         given = self._given()
         if len(given) != 1:
             found = f"{' and '.join(given)} are given" if given else "none is given"
@@ -164,6 +168,8 @@ class WindowedGoal(ScalarGoal):
     window: tuple[Length, Length] = (0.0, inf)
 
     def __post_init__(self) -> None:
+        if isinstance(self.window, list):
+            object.__setattr__(self, "window", tuple(self.window))
         ScalarGoal.__post_init__(replace(self, window=(0.0, inf)) if unresolved(self.window) else self)
         if not unresolved(self.window):
             check_window(f"goal {self.quantity}", self.window)
@@ -177,6 +183,21 @@ class WindowedGoal(ScalarGoal):
         """What lies of each gap between the stations inside the window, (n + 1,), m."""
         lower, upper = outputs.stations[:-1], outputs.stations[1:]
         return np.maximum(np.minimum(upper, float(self.window[1])) - np.maximum(lower, float(self.window[0])), 0.0)
+
+
+def three_numbers(name: str, vector: Any) -> tuple[Any, Any, Any]:
+    """A list, tuple or array of three as a tuple.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is something else.
+    """
+    items = vector.tolist() if isinstance(vector, np.ndarray) else vector
+    if not isinstance(items, list | tuple) or len(items) != 3:
+        raise OctoctrlError(f"{name} is {vector!r}; three numbers are needed, such as (0, 0.1, 0)")
+    first, second, third = items
+    return first, second, third
 
 
 def bending(outputs: Outputs) -> Expression:

@@ -9,7 +9,7 @@ from octoctrl.sim.errors import check_number
 from ...contracts import Expression, Outputs, Reach
 from ..registry import register_goal
 from ..shares import Length, Share, unresolved
-from .measured import MeasuredGoal
+from .measured import MeasuredGoal, three_numbers
 
 
 @register_goal
@@ -29,6 +29,7 @@ class TipGoal(MeasuredGoal):
 
     def __post_init__(self) -> None:
         MeasuredGoal.__post_init__(self)
+        object.__setattr__(self, "value", three_numbers("goal tip: value", self.value))
         for number in () if unresolved(self.value) else self.value:
             check_number("goal tip", number, unit="m")
 

@@ -8,7 +8,7 @@ from octoctrl.sim.errors import OctoctrlError, check_number
 
 from ...contracts import Expression, Outputs
 from ..registry import register_goal
-from .measured import MeasuredGoal
+from .measured import MeasuredGoal, three_numbers
 
 
 @register_goal
@@ -31,6 +31,7 @@ class TipTangentGoal(MeasuredGoal):
 
     def __post_init__(self) -> None:
         MeasuredGoal.__post_init__(self)
+        object.__setattr__(self, "direction", three_numbers("goal tip_tangent: direction", self.direction))
         for number in self.direction:
             check_number("goal tip_tangent", number)
         size = hypot(*self.direction)
