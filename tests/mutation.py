@@ -27,10 +27,12 @@ ROOT = TESTS.parent
 
 GUARDS = {
     "octoctrl.judging.verification": ("test_verdict.py",),
-    "octoctrl.judging.comparison": ("test_verdict.py",),
+    "octoctrl.judging.comparison": ("test_comparison.py",),
     "octoctrl.carrying.results": ("test_verdict.py",),
     "octoctrl.files.toml_source": ("test_toml_source.py",),
     "octoctrl.files.store": ("test_store.py -k 'not kill'",),
+    "octoctrl.planners.solving.plan": ("test_plan_status.py -k 'not solver and not another'",),
+    "octoctrl.planners.solving.reachability": ("test_plan_status.py -k 'limit or first'",),
     "octoctrl.sim.activation": ("test_activation.py",),
     "octoctrl.sim.topology.inputs": ("test_topology_inputs.py -k 'not whatever'",),
     "octoctrl.sim.topology.measures": (
@@ -162,6 +164,17 @@ def importers(name):
     return found | {Path(path).stem for path in TESTS.glob("*.py")} - {"mutation"}
 
 
+def forget(gone):
+    """Take modules out of this process; packages stay, but for what they remember of those modules."""
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] == "octoctrl" and hasattr(module, "__path__"):
+            known = [key for key, value in vars(module).items() if f"{name}.{key}" in gone or getattr(value, "__module__", "") in gone]
+            for key in known:
+                del module.__dict__[key]
+        elif name in gone:
+            del sys.modules[name]
+
+
 def run(guards):
     """Run tests in this process, without a sound; their exit code and what they said."""
     import shlex
@@ -185,10 +198,7 @@ def judge(name, path, source, guards, gone, patience):
         signal.setitimer(signal.ITIMER_PROF, patience)
         resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
         os.chdir(ROOT)
-        for module in gone & set(sys.modules):
-            parent, _, own = module.rpartition(".")
-            sys.modules.get(parent, sys).__dict__.pop(own, None)  # a package remembers what was imported from it
-            del sys.modules[module]
+        forget(gone)
         sys.meta_path.insert(0, Mutated(name, str(path), source))
         code, said = 1, ""
         try:

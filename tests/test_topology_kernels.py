@@ -155,10 +155,13 @@ AXES = np.concatenate(
 @pytest.mark.parametrize("angle", [0.0, 1e-10, 1e-3, 1.0, 2.0, 3.0, 3.14])
 def test_rotations_between_frames(angle):
     start, vectors = Rotation.random(random_state=4).as_matrix(), angle * AXES
-    frames = np.stack([np.stack([start, Rotation.from_rotvec(vector).as_matrix().T @ start]) for vector in vectors])
-    out = np.empty((len(vectors), 1, 3))
+    further = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix().T
+    turned = [Rotation.from_rotvec(vector).as_matrix().T @ start for vector in vectors]
+    frames = np.stack([np.stack([start, one, further @ one]) for one in turned])
+    out = np.empty((len(vectors), 2, 3))
     kernels.frame_rotations(frames, out)
     assert out[:, 0] == pytest.approx(vectors, abs=1e-9)
+    assert out[:, 1] == pytest.approx(np.tile([0.3, -0.2, 0.5], (len(vectors), 1)), abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -1,6 +1,7 @@
 """Plans and runs made by hand, for tests of the verdict: an arm of uniform strains that winds up, curls, crosses its plane and rests."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -64,6 +65,15 @@ GOALS = {
 }
 
 
+@lru_cache
+def predicted(motion, elements):
+    """Times, strains and topology of a motion."""
+    time = np.linspace(0.0, END, 241)
+    strains = motion.strains(time)
+    pose = posed(Arm(elements=elements), strains)
+    return time, strains, measure(time, pose["points"], pose["frames"])
+
+
 def plan_of(motion, *, goals=GOALS, elements=48, **changes):
     """A plan that predicts `motion`."""
     arm = Arm(elements=elements)
@@ -73,14 +83,12 @@ def plan_of(motion, *, goals=GOALS, elements=48, **changes):
     )
     drive = Drive(name="wind", primitive=Twist(hand="R-OM", level=0.25), begins="store")
     task = Task(name="by hand", phases=phases, drives=(drive,))
-    time = np.linspace(0.0, END, 241)
-    strains = motion.strains(time)
-    pose = posed(arm, strains)
+    time, strains, trace = predicted(motion, elements)
     model = ReducedModel(arm=arm, scene=Scene(), sections=SECTIONS)
     made = {
         "task": task, "model": model, "schedule": Schedule(primitives=(drive.at(EDGES, {}),), duration=END),
         "phase_begins": dict(EDGES), "time": time, "strains": strains, "status": PlanStatus.SOLVED,
-        "trace": measure(time, pose["points"], pose["frames"]),
+        "trace": trace,
     }  # fmt: skip
     return Plan(**(made | changes))
 

@@ -88,7 +88,7 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
         _check("crossings", crossings, limits.crossings),
         _check("level_time", max(level_delays(execution).values(), default=0.0), limits.level_time, "s"),
         _check("link_residual", np.abs(measured.residual).max(), limits.link_residual, "turns"),
-        _check("activation", execution.recording.levels.max(initial=0.0), limits.activation),
+        _check("activation", execution.recording.levels.max(), limits.activation),
     ]
     points = planned_points(execution.plan, execution.clock)
     if points is not None:
