@@ -159,9 +159,13 @@ def _features(plant: Plant, row: PlantRow, groups: Sequence[str]) -> list[tuple[
     if row.lumped:
         rows.append((row.lumped, "lumped into the section of one rod", "left out"))
     nothing = "no such code: costs nothing and hinders nothing"
+    if plant.scene.objects:
+        named = ", ".join(item.name for item in plant.scene.objects)
+        rows.append(("contact, friction", f"with {named}: an implicit impulse, anchored friction", "needed"))
+    else:
+        rows.append(("contact, friction", f"no objects: {nothing}", "left out"))
     return [
         *rows,
-        ("contact, friction", f"obstacles and objects: {nothing}", "left out"),
         ("self-contact", f"{'' if row.lumped else 'between sections of the arm: '}{nothing}; crossings are counted", "left out"),
         ("third dimension", "always computed", "needed"),
         ("recording", f"points, frames, stretch, levels every {every:g} ms; no energies", "needed"),
@@ -213,7 +217,8 @@ def header(plant: Plant, groups: Sequence[str]) -> str:
     """One line on what a run on a `plant` with these active `groups` of muscles computes."""
     water = plant.scene.water is not None and plant.scene.water.factor > 0
     active, drag = f"{len(groups)} of {len(plant.arm.layout)} muscle groups active", "drag" if water else "no drag"
+    contact = f"contact with {len(plant.scene.objects)} object(s)" if plant.scene.objects else "no contact"
     return (
-        f"{plant.model} plant: {active}, {drag}, no contact; "
+        f"{plant.model} plant: {active}, {drag}, {contact}; "
         f"step {1e3 * plant.h:.3g} ms, {plant.h / plant.limit.step:.2f} of the limit ({plant.limit.mechanism})"
     )

@@ -77,3 +77,12 @@ def test_one_line_before_planning_and_running():
         assert diagnosis.plan_header(tasks.load(name)).startswith("reduced model: ")
     line = diagnosis.header(Plant(), ("LM1", "R-OM"))
     assert line.startswith("rod plant: 2 of 11 muscle groups active, drag, no contact; step 0.5 ms, 0.74 of the limit")
+
+
+def test_objects_are_needed_where_there_are_any():
+    from octoctrl.sim.scene.objects import Sphere
+
+    scene = Scene(objects=(Sphere(name="ball", radius=0.01, position=(0.05, 0.1, 0.0)),))
+    told = marks(diagnosis.needs(replace(tasks.load("coil"), scene=scene)))
+    assert told["contact, friction"][0] == "needed" and "with ball" in told["contact, friction"][1]
+    assert "contact with 1 object(s)" in diagnosis.header(Plant(scene=scene), ("LM1",))
