@@ -17,7 +17,7 @@ from .errors import OctoctrlError, check_choice, check_number
 
 Floats = NDArray[np.float64]
 
-COMPOSITIONS = ("override", "max", "add")
+COMPOSITIONS = ("override", "handover", "max", "add")
 WRITE_THRESHOLD = 2e-3
 """Values of a wave below this are not written when templates override each other (Tekinalp et al. 2024, released programmes)."""
 
@@ -86,7 +86,11 @@ class Plateau:
 
     def values(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
-        return self.level * plateau(math, time, self.onset, self.rise, self.offset, self.fall)
+        return self.level * self.weight(math, time, lower, upper)
+
+    def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """How much of what lies beneath it takes over when activations are handed over, from 0 to 1."""
+        return plateau(math, time, self.onset, self.rise, self.offset, self.fall)
 
     def coverage(self, lower: Any, upper: Any) -> Any:
         """Share of each cell in which the template acts."""
@@ -145,6 +149,17 @@ class Wave:
         second = front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
         return value - (self.level - self.end_level) * second
 
+    def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """How much of what lies beneath it takes over when activations are handed over, from 0 to 1.
+
+        A second front that relaxes the muscles gives back what lies beneath; one that leaves a level holds on to it.
+        """
+        start = self.window[0]
+        first = front_coverage(math, start + self.speed * (time - self.onset), self.width, lower, upper)
+        if _never(self.offset) or not _relaxes(self.end_level):
+            return first
+        return first - front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
+
     def coverage(self, lower: Any, upper: Any) -> Any:
         """Share of each cell in which the template acts."""
         return window_coverage(lower, upper, self.window)
@@ -164,8 +179,10 @@ class Activation:
     Attributes
     ----------
     templates : tuple of Template
-        In order; with ``composition="override"`` the last one that writes a place wins.
-    composition : {"override", "max", "add"}
+        In order; with ``composition="override"`` the last one that writes a place wins; with ``"handover"`` a later one takes over from
+        the level that it finds, within its own rise, and gives back what lies beneath as it falls, so that levels stay smooth in time and
+        in every number.
+    composition : {"override", "handover", "max", "add"}
     on_saturation : {"error", "clip"}
         What to do where the composition exceeds 1.
     layout : MuscleLayout
@@ -195,25 +212,30 @@ class Activation:
         used = {group for template in self.templates for group in template.groups}
         return tuple(group for group in self.layout.names if group in used)
 
-    def compose(self, math: Any, group: str, time: Any, lower: Any, upper: Any, known: dict[int, tuple[Any, Any]] | None = None) -> Any:
+    def compose(
+        self, math: Any, group: str, time: Any, lower: Any, upper: Any, known: dict[int, tuple[Any, Any, Any]] | None = None
+    ) -> Any:
         """Mean activation of `group` in the cells [lower, upper] at `time`, with the module `math`; not checked for saturation.
 
         A dict `known` keeps what the groups of a template share.
         """
-        where = np.where if math is np else math.if_else
         total = 0.0 * (time + lower)
         known = {} if known is None else known
         for index, template in enumerate(self.templates):
             if group not in template.groups:
                 continue
             if index not in known:
-                known[index] = template.values(math, time, lower, upper), template.coverage(lower, upper)
-            value, coverage = known[index]
+                weight = template.weight(math, time, lower, upper) if self.composition == "handover" else 0.0
+                known[index] = template.values(math, time, lower, upper), template.coverage(lower, upper), weight
+            value, coverage, weight = known[index]
             if self.composition == "add":
                 total = total + coverage * value
+            elif self.composition == "handover":
+                total = (1 - coverage * weight) * total + coverage * value
             elif self.composition == "max":
                 total = math.fmax(total, coverage * value)
             else:
+                where = np.where if math is np else math.if_else
                 total = where(template.wrote(math, value), coverage * value + (1 - coverage) * total, total)
         return total
 
@@ -237,7 +259,7 @@ class Activation:
         """
         times, edges = np.asarray(times, dtype=float), np.asarray(edges, dtype=float)
         levels = np.zeros((times.size, len(self.layout), edges.size - 1))
-        known: dict[int, tuple[Any, Any]] = {}
+        known: dict[int, tuple[Any, Any, Any]] = {}
         for group in self.groups:
             levels[:, self.layout.index(group)] = self.compose(np, group, times[:, None], edges[:-1], edges[1:], known)
         if levels.max(initial=0.0) > 1 + 1e-12 and self.on_saturation == "error":
@@ -287,10 +309,14 @@ def check_window(owner: str, window: Any) -> None:
         raise OctoctrlError(f"{owner}: window {tuple(window)} m: the begin must lie before the end")
 
 
+def _relaxes(end_level: object) -> bool:
+    return isinstance(end_level, int | float) and end_level == 0.0
+
+
 def _never(offset: object) -> bool:
     return isinstance(offset, float) and offset == inf
 
 
 def _is_number(value: object) -> bool:
-    # Planner variables are CasADi expressions; their bounds are the optimiser's business.
+    # What the planner chooses is a CasADi expression or a number with slopes; its bounds are the planner's business.
     return not hasattr(value, "is_symbolic")

@@ -105,7 +105,7 @@ def coil_plan():
         strains=strains,
         trace=measure(time, points, frames, task.convention),
         status=PlanStatus.SOLVED,
-        report=PlanReport(solve_time=0.25, iterations=12, numbers={"store.duration": 1.5}, reason="none", headroom=np.inf),
+        report=PlanReport(stages={"search": 0.25}, iterations=12, numbers={"store.duration": 1.5}, reason="none", headroom=np.inf),
     )
 
 

@@ -13,7 +13,7 @@ from octoctrl.judging.comparison import level_delays
 from octoctrl.judging.verification import verify
 from octoctrl.planners.contracts import ControllerReport
 from octoctrl.planners.fitting.identification import load_identified
-from octoctrl.planners.solving import trajectory
+from octoctrl.planners.solving import planner
 from octoctrl.planners.solving.plan import Plan, PlanStatus
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
@@ -25,7 +25,7 @@ from octoctrl.sim.scene.scene import Scene
 @pytest.fixture(scope="module")
 def plan():
     configuration = tasks.load("coil")
-    found = trajectory.plan(configuration.task, load_identified(configuration.arm, configuration.scene))
+    found = planner.plan(configuration.task, load_identified(configuration.arm, configuration.scene))
     assert found.status is PlanStatus.SOLVED
     return found
 
@@ -425,7 +425,7 @@ def test_patience_with_a_callable_is_honoured(short):
     np.testing.assert_allclose(run.clock, np.minimum(run.recording.time, 0.3), atol=1e-9)
 
 
-@pytest.mark.parametrize("status", [PlanStatus.INFEASIBLE, PlanStatus.TIME_LIMIT])
+@pytest.mark.parametrize("status", [PlanStatus.NOT_FOUND, PlanStatus.TIME_LIMIT])
 def test_a_plan_that_is_not_solved_needs_a_word(short, status):
     unsolved = replace(short, status=status)
     with pytest.raises(OctoctrlError, match=rf"the plan of 'coil' is not solved \({status.name.lower()}\); plan again, or pass allow_uns"):

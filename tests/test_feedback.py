@@ -11,7 +11,7 @@ from octoctrl.planners.following import design
 from octoctrl.planners.following.design import DISCOUNT, Course
 from octoctrl.planners.following.observer import Observer, Sight
 from octoctrl.planners.following.tracking import BIAS_SHARE, Tracker
-from octoctrl.planners.solving import trajectory
+from octoctrl.planners.solving import planner
 from octoctrl.planners.solving.plan import Plan, PlanStatus
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 
@@ -20,7 +20,7 @@ from octoctrl.sim.body.arm import MUSCLE_GROUPS
 def coil():
     configuration = tasks.load("coil")
     identified = load_identified(configuration.arm, configuration.scene)
-    return trajectory.plan(configuration.task, identified), identified.model
+    return planner.plan(configuration.task, identified), identified.model
 
 
 @pytest.fixture(scope="module")

@@ -379,6 +379,17 @@ def test_mirrored_muscles_mirror_the_motion(model):
     np.testing.assert_allclose(two.strains, one.strains * [1, -1, -1, 1], rtol=1e-5, atol=1e-5)
 
 
+def test_steps_are_solved_across_the_kinks_of_the_laws(model):
+    """Random programmes: Newton's method must not go to and fro between the two sides of a kink."""
+    draw = np.random.default_rng(0)
+    for _ in range(12):
+        templates = tuple(
+            Plateau(groups=groups, level=draw.uniform(0.1, 0.75), onset=draw.uniform(0, 1), rise=draw.uniform(0.1, 1), offset=2, fall=0.3)
+            for groups in (("R-OM",), ("L-OM",), ("LM1", "LM2", "LM8"))
+        )
+        assert np.isfinite(model.respond(Activation(templates=templates, composition="max"), 3.0, step=0.01).strains).all()
+
+
 def test_steps_converge_with_order_one(model):
     ends = [model.respond(COIL, 2.0, step=0.1 / 2**k).strains[-1] for k in range(4)]
     errors = [abs(ends[k] - ends[k + 1]).max() for k in range(3)]

@@ -11,7 +11,7 @@ import numpy as np
 from octoctrl.planners.asking.task import miss_in_phase
 from octoctrl.planners.contracts import ClockReading, Controller, Observation
 from octoctrl.planners.following.controllers import controller
-from octoctrl.planners.solving.plan import Plan, PlanStatus
+from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, check_number
 from octoctrl.sim.plants import make_plant, warmup
@@ -83,7 +83,7 @@ def execute(
     OctoctrlError
         If an argument is out of range or unknown, the plan is not solved, or the plant is another arm than the plan's.
     """
-    if plan.status is not PlanStatus.SOLVED and not allow_unsolved:
+    if not plan.status.solved and not allow_unsolved:
         raise OctoctrlError(
             f"the plan of '{plan.task.name}' is not solved ({plan.status.name.lower()}); plan again, or pass allow_unsolved=True to run it "
             "all the same"

@@ -69,9 +69,9 @@ def plan(
     arm = configuration.arm if arm is None else arm
     scene = configuration.scene if scene is None else scene
     identified = load_model(model, arm, scene, configuration.run.plant if plant is None else plant)
-    from octoctrl.planners.solving import trajectory
+    from octoctrl.planners.solving import planner
 
-    found = trajectory.plan(
+    found = planner.plan(
         configuration.task.on(arm),
         identified,
         time_limit=configuration.plan.time_limit if time_limit is None else time_limit,

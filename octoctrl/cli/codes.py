@@ -25,7 +25,7 @@ class ExitCode(IntEnum):
 
 def code_of_plan(plan: "Plan") -> ExitCode:
     """Whether the plan meets its goals."""
-    return ExitCode.WELL if plan.status.name == "SOLVED" else ExitCode.NO_PLAN
+    return ExitCode.WELL if plan.status.solved else ExitCode.NO_PLAN
 
 
 def code_of_run(execution: "Execution") -> ExitCode:

@@ -23,7 +23,7 @@ def neighbours(side: str) -> tuple[str, ...]:
     return tuple(LONGITUDINAL_GROUPS[other] for other in sorted((index + shift) % count for shift in (-1, 0, 1)))
 
 
-LEVEL_BOUNDS, RAMP_BOUNDS, SPEED_BOUNDS = (0.02, 0.75), (0.1, 4.0), (0.01, 0.4)
+LEVEL_BOUNDS, RAMP_BOUNDS, SPEED_BOUNDS = (0.0, 0.75), (0.1, 4.0), (0.01, 0.4)
 """Range in which the planner may choose a level, the duration of a ramp (s) and the speed of a front (m/s)."""
 
 

@@ -17,7 +17,7 @@ class Schedule:
     ----------
     primitives : tuple of Primitive
     duration : float, s
-    composition : {"override", "max", "add"}
+    composition : {"override", "handover", "max", "add"}
         How activations that meet in one place combine; see `octoctrl.sim.activation.Activation`.
 
     Raises

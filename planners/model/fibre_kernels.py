@@ -98,54 +98,51 @@ RIGHT, LEFT, RING = 8, 9, 10
 
 @kernel
 def polynomial(law, first, x):
-    """Value and slope of the polynomial of a law that begins at `first`."""
-    value, slope = law[first] + 0 * x, 0 * x
+    """Value of the polynomial of a law that begins at `first`."""
+    value = law[first] + 0 * x
     for index in range(first + 1, first + TERMS):
-        slope = slope * x + value
         value = value * x + law[index]
-    return value, slope
+    return value
 
 
 @kernel
 def hinge(x, width):
-    """max(x, 0) with a parabola between -width and width, and its slope."""
+    """max(x, 0) with a parabola between -width and width."""
     if x.real <= -width:
-        return 0 * x, 0 * x
+        return 0 * x
     if x.real >= width:
-        return x, 1 + 0 * x
+        return x
     inside = x + width
-    return inside * inside / (4 * width), inside / (2 * width)
+    return inside * inside / (4 * width)
 
 
 @kernel
 def active_stress(law, s):
-    """Active stress at full level, Pa, and its slope."""
-    if s.real <= law[OF.low] or s.real >= law[OF.top]:
-        value, _ = polynomial(law, OF.active, (law[OF.low] if s.real <= law[OF.low] else law[OF.top]) + 0 * s)
-        return law[OF.active_stress] * hinge(value, law[OF.active_blend])[0], 0 * s
-    value, slope = polynomial(law, OF.active, s)
-    f, opening = hinge(value, law[OF.active_blend])
-    return law[OF.active_stress] * f, law[OF.active_stress] * opening * slope
+    """Active stress at full level, Pa."""
+    held = s
+    if s.real <= law[OF.low]:
+        held = law[OF.low] + 0 * s
+    elif s.real >= law[OF.top]:
+        held = law[OF.top] + 0 * s
+    return law[OF.active_stress] * hinge(polynomial(law, OF.active, held), law[OF.active_blend])
 
 
 @kernel
 def passive_stress(law, s):
-    """Stress of the resting tissue, Pa, and its slope."""
+    """Stress of the resting tissue, Pa."""
     if s.real > law[OF.top]:
-        curve, _ = polynomial(law, OF.passive, law[OF.top] + 0 * s)
-        curve, rise = curve + law[OF.end_slope] * (s - law[OF.top]), law[OF.end_slope] + 0 * s
+        curve = polynomial(law, OF.passive, law[OF.top] + 0 * s) + law[OF.end_slope] * (s - law[OF.top])
     elif s.real <= law[OF.floor]:
-        curve, rise = polynomial(law, OF.passive, law[OF.floor] + 0 * s)[0], 0 * s
+        curve = polynomial(law, OF.passive, law[OF.floor] + 0 * s)
     else:
-        curve, rise = polynomial(law, OF.passive, s)
-    tension, opening = hinge(curve, law[OF.tension_blend])
-    pressed, closing = hinge(1 - law[OF.slack] - s, COMPRESSION_BLEND)
-    return law[OF.tension] * tension - law[OF.compression] * pressed, law[OF.tension] * opening * rise + law[OF.compression] * closing
+        curve = polynomial(law, OF.passive, s)
+    pressed = hinge(1 - law[OF.slack] - s, COMPRESSION_BLEND)
+    return law[OF.tension] * hinge(curve, law[OF.tension_blend]) - law[OF.compression] * pressed
 
 
 @kernel
 def hill_secant(law, rate):
-    """Loss of active stress per stretch rate, s, over the isometric stress, and its slope by the rate."""
+    """Loss of active stress per stretch rate, s, over the isometric stress."""
     square = rate * rate
     size = np.sqrt(square + RATE_BLEND * RATE_BLEND)
     magnitude = square / size / law[OF.rate]
@@ -153,13 +150,7 @@ def hill_secant(law, rate):
     stretch = law[OF.eccentric] / law[OF.concentric]
     short = (1 + 1 / law[OF.concentric]) / (1 + magnitude / law[OF.concentric])
     long = (law[OF.plateau] - 1) * (1 + stretch) / (1 + stretch * magnitude)
-    magnitude_slope = (2 * rate / size - square * rate / (size * size * size)) / law[OF.rate]
-    lengthening_slope = 0.5 * (1 / size - square / (size * size * size))
-    short_slope = -short / (law[OF.concentric] + magnitude) * magnitude_slope
-    long_slope = -long * stretch / (1 + stretch * magnitude) * magnitude_slope
-    secant = short + lengthening * (long - short)
-    slope = short_slope + lengthening_slope * (long - short) + lengthening * (long_slope - short_slope)
-    return secant / law[OF.rate], slope / law[OF.rate]
+    return (short + lengthening * (long - short)) / law[OF.rate]
 
 
 @kernel
@@ -191,21 +182,18 @@ def fibre_length(index, q, lam, lam1, place, sides, pitch_rate, gradient):
 
 
 @kernel
-def viscous_coefficient(law, area, level, s, rest, rate):
-    """Viscosity of a fibre along its length, per rest length, and its derivative by its stretch rate; `level` carries the factor on it."""
-    stress, _ = active_stress(law, s)
-    secant, slope = hill_secant(law, rate)
-    share = area * level * stress / (s * rest)
-    return share * secant, share * slope
+def viscous_tension(law, area, level, s, rest, h, moved):
+    """Viscous impulse along a fibre whose length changes by `moved` within `h`; `level` carries the factor on the viscosity."""
+    return area * level * active_stress(law, s) / (s * rest) * hill_secant(law, moved / (h * rest)) * moved
 
 
 @kernel
 def add_viscous(law, area, level, s, rest, h, motion, gradient, out):
-    """Add the viscous force of one fibre, whose length changes by gradient . motion within `h`, to `out`."""
+    """Add the viscous impulse of one fibre to `out`."""
     moved = gradient[0] * motion[0] + gradient[1] * motion[1] + gradient[2] * motion[2] + gradient[3] * motion[3]
-    viscosity, _ = viscous_coefficient(law, area, level, s, rest, moved / (h * rest))
+    tension = viscous_tension(law, area, level, s, rest, h, moved)
     for k in range(4):
-        out[k] += gradient[k] * viscosity * moved
+        out[k] += gradient[k] * tension
 
 
 @kernel
@@ -236,18 +224,18 @@ def section_residual(q, motion, levels, h, place, fibres, gradient, ahead, out):
     lam, lam1, _ = radius_factor(ahead, levels, place, fibres.hoop, fibres.squeeze)
     for index in range(RIGHT):
         s = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
-        stress = (levels[index] + fibres.tone) * active_stress(fibres.longitudinal, s)[0] + passive_stress(fibres.longitudinal, s)[0]
+        stress = (levels[index] + fibres.tone) * active_stress(fibres.longitudinal, s) + passive_stress(fibres.longitudinal, s)
         for k in range(4):
             out[k] += h * place[AT.muscle] * stress / s * gradient[k]
     for index in range(RIGHT, RING):
         s = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient) / place[AT.oblique_stretch]
-        stress = levels[index] * active_stress(fibres.oblique, s)[0] + fibres.embedded * passive_stress(fibres.oblique, s)[0]
+        stress = levels[index] * active_stress(fibres.oblique, s) + fibres.embedded * passive_stress(fibres.oblique, s)
         for k in range(4):
             out[k] += h * place[AT.oblique] * stress / s * gradient[k]
-    stress = ring * active_stress(fibres.transverse, lam)[0] + passive_stress(fibres.transverse, lam)[0]
+    stress = ring * active_stress(fibres.transverse, lam) + passive_stress(fibres.transverse, lam)
     out[3] += h * place[AT.ring] * stress / lam * lam1
     e = ahead[3]
-    stress = fibres.tone * active_stress(fibres.longitudinal, e)[0] + passive_stress(fibres.longitudinal, e)[0]
+    stress = fibres.tone * active_stress(fibres.longitudinal, e) + passive_stress(fibres.longitudinal, e)
     out[3] += h * place[AT.cord] * stress / e
     out[0] += h * place[AT.bending] * ahead[0]
     out[1] += h * place[AT.bending] * ahead[1]
@@ -260,20 +248,18 @@ def section_residual(q, motion, levels, h, place, fibres, gradient, ahead, out):
 def add_viscous_tangent(law, area, level, s, rest, h, motion, gradient, tangent):
     """Add the derivative of `add_viscous` by the motion to `tangent` (4, 4)."""
     moved = gradient[0] * motion[0] + gradient[1] * motion[1] + gradient[2] * motion[2] + gradient[3] * motion[3]
-    rate = moved / (h * rest)
-    viscosity, slope = viscous_coefficient(law, area, level, s, rest, rate)
+    slope = viscous_tension(law, area, level, s, rest, h, moved + 1j * TINY).imag / TINY
     for i in range(4):
         for j in range(4):
-            tangent[i, j] += (viscosity + slope * rate) * gradient[i] * gradient[j]
+            tangent[i, j] += slope * gradient[i] * gradient[j]
 
 
 @kernel
 def pull_and_stiffness(law, area, level, embedded, s, rest):
     """Tension of a fibre over its stretch, and the derivative of that by its length, which is `rest` at rest."""
-    active, active_slope = active_stress(law, s)
-    resting, resting_slope = passive_stress(law, s)
-    pull = area * (level * active + embedded * resting) / s
-    return pull, (area * (level * active_slope + embedded * resting_slope) - pull) / (s * rest)
+    shifted = s + 1j * TINY
+    pull = area * (level * active_stress(law, shifted) + embedded * passive_stress(law, shifted)) / shifted
+    return pull.real, pull.imag / (TINY * rest)
 
 
 @kernel

@@ -28,7 +28,7 @@ Numbers = NDArray[np.generic]
 CHANGE = 0.15
 """Largest change of a strain, as a fibre feels it, in one iteration."""
 
-CONVERGED, ITERATIONS = 1e-6, 40
+CONVERGED, ITERATIONS = 1e-6, 60
 """Change of a strain at which the iteration ends; it converges quadratically, so that the error is of the order of its square."""
 
 
@@ -130,6 +130,7 @@ def residual_and_tangent(q, motion, levels, h, model, room):
 def solve_step(q, motion, levels, h, model, room):
     """Improve `motion` until the residual vanishes; whether it did."""
     set_shape(q, model.elements, room.shape)
+    before, damping = np.inf, 1.0
     for _ in range(ITERATIONS):
         residual_and_tangent(q, motion, levels, h, model, room)
         for n in range(q.shape[0]):
@@ -143,7 +144,11 @@ def solve_step(q, motion, levels, h, model, room):
                 largest = max(largest, abs(room.column[4 * n + k, 0]) / model.scale[n, k])
         if not np.isfinite(largest):
             return False
-        share = min(1.0, CHANGE / largest) if largest > 0.0 else 1.0
+        # The laws have kinks, and from one side of a kink to the other and back Newton's method would go for ever.
+        if 0.7 * before < largest < CHANGE:
+            damping = max(0.5 * damping, 0.35)
+        before = largest
+        share = damping * min(1.0, CHANGE / max(largest, CONVERGED))
         for n in range(q.shape[0]):
             for k in range(4):
                 motion[n, k] += share * room.column[4 * n + k, 0]
@@ -197,6 +202,21 @@ def residual_along(q, strain_slopes, motion, levels, level_slopes, h, step_slope
 
 
 @kernel
+def stands_still(strain_slopes, level_slopes, step_slope):
+    """Whether nothing depends on an unknown yet: those of later phases need no work before."""
+    if step_slope != 0.0:
+        return False
+    for value in strain_slopes:
+        if value != 0.0:
+            return False
+    for row in level_slopes:
+        for value in row:
+            if value != 0.0:
+                return False
+    return True
+
+
+@kernel
 def roll_out_slopes(start, levels, level_slopes, steps, step_slopes, model, room, motion, strains, slopes):
     """As `roll_out`, with derivatives: `level_slopes` (N, groups, S, p), `step_slopes` (N, p) -> `slopes` (N + 1, 4 S, p)."""
     strains[0] = start
@@ -210,6 +230,9 @@ def roll_out_slopes(start, levels, level_slopes, steps, step_slopes, model, room
         residual_and_tangent(strains[t], motion, levels[t], steps[t], model, room)
         factorise(room.tangent)
         for d in range(slopes.shape[2]):
+            if stands_still(slopes[t, :, d], level_slopes[t, :, :, d], step_slopes[t, d]):
+                room.right[:, d] = 0.0
+                continue
             residual_along(
                 strains[t], slopes[t, :, d], motion, levels[t], level_slopes[t, :, :, d], steps[t], step_slopes[t, d], model, room,
                 room.right[:, d],

@@ -1,1 +1,1 @@
-"""From a task to a plan: reachability, trajectory optimisation, the plan and its status. Imports `asking`, `model`, `fitting`."""
+"""From a task to a plan: reachability, search, optimisation, the plan and its status. Imports `asking`, `model`, `fitting`."""

@@ -23,11 +23,21 @@ Floats = NDArray[np.float64]
 class PlanStatus(Enum):
     """How planning ended; the value is a sentence that says what to do next."""
 
-    SOLVED = "Solved: every goal is met within its tolerance on the reduced model; run it on the plant."
+    SOLVED = "Solved: every goal is met on the reduced model, checked at 10 ms; run it on the plant."
+    DOUBTFUL = (
+        "Solved, but in doubt: every goal is met on the reduced model, yet the plant may do otherwise; use feedback or longer phases."
+    )
     UNREACHABLE = "Unreachable: a goal lies outside what the arm can do at the allowed levels; lower it or allow more activation."
-    INFEASIBLE = "Infeasible: no plan meets all goals; relax the goal named in the reason, or allow longer phases."
-    TIME_LIMIT = "Stopped at the time limit: the best plan so far is kept; pass it as the guess or raise time_limit."
-    ITERATION_LIMIT = "Stopped at the iteration limit: the best plan so far is kept; pass it as the guess or raise max_iterations."
+    NOT_FOUND = (
+        "Not found: the search came no nearer, which proves nothing; relax the goal named here, or give longer phases or more drives."
+    )
+    UTURN = "Only past a U-turn of the tip, where the branch of writhe is chance: store twist first, or ask for less writhe."
+    TIME_LIMIT = "Stopped at the time limit: the best plan so far is kept; raise time_limit."
+
+    @property
+    def solved(self) -> bool:
+        """Whether every goal is met on the reduced model."""
+        return self in (PlanStatus.SOLVED, PlanStatus.DOUBTFUL)
 
 
 class PlanFailedError(RuntimeError):
@@ -55,32 +65,51 @@ class PlanReport:
     Attributes
     ----------
     reason : str
-        Why the goals are not met, in one sentence; empty when they are.
+        Why the goals are not met, or what is in doubt; empty if nothing is.
     numbers : dict of str to float
         The unknowns by name: durations of phases (s), free numbers of drives.
     goals : tuple of GoalReport
+    spread : tuple of float
+        What small errors of the model would do to each goal, in tolerances.
+    opening : float
+        Smallest 1 + tip . base up to the last goal of writhe or link; 0 is a U-turn.
     headroom : float
         Distance of the highest level from 1, which is left to feedback.
+    at_bounds : tuple of str
+        Unknowns that stand at one of their bounds.
     extrapolates : tuple of str
         What of the motion lies outside of what the model was identified on.
-    iterations : int
-    solver : str
+    starts, iterations : int
+        Programmes from which the search began; iterations of search and optimiser.
+    optimised : bool
+        Whether the plan is the optimiser's; otherwise it is the point from which that began.
+    optimiser : str
         What the optimiser said last.
-    multipliers : tuple of float
-        Of the goals, in the optimiser's units.
-    build_time, solve_time, wall_time : float, s
+    price, first_price : float
+        Of the plan, and of the point from which the optimiser began.
+    first_duration : float, s
+        Of that point.
+    stages : dict of str to float
+        Processor time of search, optimisation and check, s.
+    wall_time : float, s
     """
 
     reason: str = ""
     numbers: dict[str, float] = field(default_factory=dict)
     goals: tuple[GoalReport, ...] = ()
+    spread: tuple[float, ...] = ()
+    opening: float = 2.0
     headroom: float = 1.0
+    at_bounds: tuple[str, ...] = ()
     extrapolates: tuple[str, ...] = ()
+    starts: int = 0
     iterations: int = 0
-    solver: str = ""
-    multipliers: tuple[float, ...] = ()
-    build_time: float = 0.0
-    solve_time: float = 0.0
+    optimised: bool = False
+    optimiser: str = ""
+    price: float = 0.0
+    first_price: float = 0.0
+    first_duration: float = 0.0
+    stages: dict[str, float] = field(default_factory=dict)
     wall_time: float = 0.0
 
     @property
@@ -164,7 +193,7 @@ class Plan(Record):
         PlanFailedError
             Otherwise, with the status' sentence.
         """
-        if self.status is not PlanStatus.SOLVED:
+        if not self.status.solved:
             raise PlanFailedError(self.status.value)
         return self
 

@@ -1,0 +1,286 @@
+"""From a task to a plan with an honest status: reach, search, optimisation, check, doubt, in this order and within one time limit.
+
+The search finds a point that meets the goals; CasADi's optimiser makes it cheap; phases end on the plant's samples; what results is
+simulated once more at 10 ms and measured by the formula that measures the plant. Only that decides what the plan is called.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from time import perf_counter, process_time
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from octoctrl.sim.errors import check_number
+from octoctrl.sim.topology.trace import TopologyTrace
+
+from ..asking.schedule import Schedule
+from ..asking.task import Task, miss_in_phase
+from ..fitting.identification import IdentifiedModel
+from .doubt import doubt
+from .optimiser import objective, optimise
+from .plan import GoalReport, Plan, PlanReport, PlanStatus
+from .problem import Problem
+from .reachability import unreachable
+from .search import COARSE, ENOUGH, Found, Search
+
+Floats = NDArray[np.float64]
+
+CHECK = 0.01
+"""Step of the simulation that decides, s."""
+
+SAMPLE = 0.01
+"""Multiple of the time at which phases end, s: the plant knows its shape then."""
+
+RELAXED, NEAR = 0.25, 3.5
+"""Smaller u that is aimed at when a search has come within so many tolerances."""
+
+SEARCH_SHARE = 0.7
+"""Share of the time limit after which the search ends, so that what it has found can still be finished."""
+
+
+class Tell(Protocol):
+    """What planning asks of a progress display."""
+
+    def start(self, label: str, total: float | None = None) -> None:
+        """Begin a stretch of work."""
+        ...
+
+    def advance(self, done: float, note: str = "") -> None:
+        """Say how far it is."""
+        ...
+
+    def stop(self) -> None:
+        """End it."""
+        ...
+
+
+@dataclass(slots=True)
+class Clock:
+    """Wall clock with a limit, and processor time of the stages."""
+
+    limit: float
+    begin: float = field(default_factory=perf_counter)
+    stages: dict[str, float] = field(default_factory=dict)
+    last: float = field(default_factory=process_time)
+
+    @property
+    def spent(self) -> float:
+        """Wall time so far, s."""
+        return perf_counter() - self.begin
+
+    def after(self, share: float) -> bool:
+        """Whether a share of the limit has passed."""
+        return self.spent > share * self.limit
+
+    def lap(self, stage: str) -> None:
+        """Book the processor time since the last lap."""
+        now = process_time()
+        self.stages[stage], self.last = now - self.last, now
+
+
+def plan(
+    task: Task,
+    identified: IdentifiedModel,
+    *,
+    time_limit: float = 30.0,
+    guess: Plan | None = None,
+    start: Mapping[str, float] | None = None,
+    progress: Tell | None = None,
+) -> Plan:
+    """Plan a task.
+
+    Parameters
+    ----------
+    task : Task
+    identified : IdentifiedModel
+        Reduced model of the arm, with its region of validity.
+    time_limit : float, s
+        Wall-clock limit of everything.
+    guess : Plan, optional
+        A solved plan of a similar task to start from; a plan that is not solved is ignored, because it would lead astray.
+    start : dict of str to float, optional
+        First guess of single unknowns, by name (see `PlanReport.numbers`), in place of the task's own numbers.
+    progress : Progress, optional
+
+    Returns
+    -------
+    Plan
+        Always a plan; its status says whether it meets the goals.
+
+    Raises
+    ------
+    OctoctrlError
+        If the limit is not positive.
+    KeyboardInterrupt
+        As a user's interrupt arrives; there is no plan then.
+    """
+    check_number("time_limit", time_limit, above=0.0, unit="s")
+    clock = Clock(time_limit)
+    reason = unreachable(task, identified.reach)
+    if reason:
+        return _refused(task, identified, reason, clock)
+    if progress is not None:
+        progress.start("planning")
+    try:
+        return _planned(task, identified, clock, guess, start or {}, progress)
+    finally:
+        if progress is not None:
+            progress.stop()
+
+
+def _planned(
+    task: Task, identified: IdentifiedModel, clock: Clock, guess: Plan | None, start: Mapping[str, float], progress: Tell | None
+) -> Plan:
+    problem = Problem(task, identified.model)
+    known = guess.report.numbers if guess is not None and guess.status.solved else {}
+
+    def told(count: int, miss: float) -> None:
+        if progress is not None:
+            progress.advance(count, f"start {count}, largest miss {miss:.2g} tolerances")
+
+    search = Search(problem, lambda: clock.after(SEARCH_SHARE), told)
+    found = search.run(problem.vector(dict(known) | dict(start)))
+    if not found.solved and found.reading.worst < NEAR and problem.guarded and not clock.after(SEARCH_SHARE):
+        found = _relaxed(search, found)
+    clock.lap("search")
+    report = PlanReport(starts=found.starts, iterations=found.iterations)
+    if not found.solved:
+        return _unsolved(search, found, identified, report, clock)
+    price = objective(problem, identified.validity.level_rate)
+    best, report = _optimised(problem, found, price, report, clock, progress)
+    clock.lap("optimise")
+    return _finished(problem, best, PlanStatus.SOLVED, identified, report, clock)
+
+
+def _relaxed(search: Search, found: Found) -> Found:
+    """Another try from where a search ended, closer to a U-turn."""
+    closer = Search(search.problem.with_guard(RELAXED), search.stop)
+    closer.starts, closer.iterations = found.starts, found.iterations
+    closer.keep(*closer.finished(closer.fitted(found.x, COARSE, 10)))
+    assert closer.found is not None
+    return closer.found if closer.found.reading.worst < found.reading.worst else found
+
+
+def _optimised(
+    problem: Problem, found: Found, price: ca.Function, report: PlanReport, clock: Clock, progress: Tell | None
+) -> tuple[Found, PlanReport]:
+    """The cheapest point that holds on fine steps with phases on samples: the optimiser's, or the one from which it began."""
+
+    def told(count: int) -> None:
+        if progress is not None:
+            progress.advance(count, f"optimising, iteration {count}")
+
+    ended = optimise(problem, found.x, found.reading, price, lambda: clock.after(1.0), told)
+    best, first = _on_samples(problem, ended.x, clock), float(price(found.x))
+    good = best.reading.worst <= ENOUGH and float(price(best.x)) < first
+    chosen = best if good else _on_samples(problem, found.x, clock)
+    return chosen, replace(
+        report,
+        iterations=report.iterations + ended.iterations,
+        optimiser=ended.word,
+        optimised=good,
+        first_price=first,
+        price=float(price(chosen.x)),
+        first_duration=float(found.x[: len(problem.task.phases)].sum()),
+    )
+
+
+def _on_samples(problem: Problem, x: Floats, clock: Clock) -> Found:
+    """Unknowns whose phases end on samples of the plant, fitted once more if that has moved a goal."""
+    count = len(problem.task.phases)
+    durations = np.diff(np.round(np.cumsum(x[:count]) / SAMPLE) * SAMPLE, prepend=0.0)
+    low, high = problem.box.lower[:count], problem.box.upper[:count]
+    within = np.clip(durations, np.ceil(low / SAMPLE - 1e-9) * SAMPLE, np.floor(high / SAMPLE + 1e-9) * SAMPLE)
+    durations = np.where((within >= low - 1e-9) & (within <= high + 1e-9), within, x[:count])
+    search = Search(problem.with_durations(durations), lambda: clock.after(1.0))
+    x = np.concatenate([durations, x[count:]])
+    search.keep(*search.finished(x))
+    assert search.found is not None
+    return search.found
+
+
+def _unsolved(search: Search, found: Found, identified: IdentifiedModel, report: PlanReport, clock: Clock) -> Plan:
+    """The plan that comes nearest, and why it is not good enough."""
+    status = PlanStatus.TIME_LIMIT if clock.after(SEARCH_SHARE) else PlanStatus.NOT_FOUND
+    problem = search.problem
+    if status is PlanStatus.NOT_FOUND and problem.guarded:
+        free = Search(problem.with_guard(0.0), search.stop)
+        free.keep(*free.finished(free.fitted(found.x, COARSE, 10)))
+        if free.found is not None and free.found.solved:
+            found, status = free.found, PlanStatus.UTURN
+    return _finished(problem, found, status, identified, report, clock)
+
+
+def _finished(problem: Problem, found: Found, status: PlanStatus, identified: IdentifiedModel, report: PlanReport, clock: Clock) -> Plan:
+    """The plan of unknowns: simulated once more with a fine step, and every goal measured on that."""
+    task, model, x = problem.task, problem.model, found.x
+    begins, schedule = problem.schedule(x)
+    edges = [*begins.values(), schedule.duration]
+    pieces = [np.linspace(a, b, max(2, int(np.ceil((b - a) / CHECK - 1e-9)) + 1))[1:] for a, b in pairwise(edges)]
+    time = np.concatenate([[0.0], *pieces])
+    levels = model.levels(schedule.activation(), time[1:])
+    motion = model.simulate(levels, np.diff(time))
+    trace, recording = model.trace(motion.time, motion.strains, task.convention), model.recording(motion.time, motion.strains)
+    goals = tuple(
+        GoalReport(phase=phase.name, goal=goal, miss=miss_in_phase(goal, time, goal.miss(recording, trace, model.arm), begin, end))
+        for phase, (begin, end) in zip(task.phases, pairwise(edges), strict=True)
+        for goal in phase.goals
+    )
+    report = replace(report, numbers=dict(zip(problem.names, x.tolist(), strict=True)), goals=goals, opening=found.reading.opening)
+    worst, reason = report.worst, ""
+    if status is PlanStatus.SOLVED and worst is not None and worst.share > 1:
+        status = PlanStatus.NOT_FOUND
+    if status is PlanStatus.SOLVED:
+        doubts = doubt(problem, x, found.reading, schedule)
+        report = replace(report, spread=tuple(doubts.spread.tolist()))
+        if doubts.reasons:
+            status, reason = PlanStatus.DOUBTFUL, "; ".join(doubts.reasons)
+    elif worst is not None:
+        searches = f"{report.starts} {'search' if report.starts == 1 else 'searches'}"
+        reason = (
+            f"{searches} came no nearer than this: phase '{worst.phase}' misses {worst.goal} by {worst.miss:.3g} {worst.goal.unit}".rstrip()
+        )
+    clock.lap("check")
+    report = replace(
+        report,
+        reason=reason,
+        headroom=float(1 - levels.max()),
+        extrapolates=identified.validity.outside(model.arm, motion.strains, levels),
+        at_bounds=_at_bounds(problem, x),
+        stages=clock.stages,
+        wall_time=clock.spent,
+    )
+    return Plan(
+        task=task, model=model, schedule=schedule, phase_begins=begins, time=motion.time, strains=motion.strains, trace=trace,
+        status=status, plant=identified.plant, report=report,
+    )  # fmt: skip
+
+
+def _at_bounds(problem: Problem, x: Floats) -> tuple[str, ...]:
+    """Unknowns that could not go further, and where they stand."""
+    box = problem.box
+    told = []
+    for name, value, low, high in zip(problem.names, x, box.lower, box.upper, strict=True):
+        if low < high and (value - low < 1e-6 or high - value < 1e-6):
+            told.append(f"{name} {value:.3g}")
+    return tuple(told)
+
+
+def _refused(task: Task, identified: IdentifiedModel, reason: str, clock: Clock) -> Plan:
+    """The plan that says why there is none."""
+    model, begins, now = identified.model, {}, 0.0
+    for phase in task.phases:
+        begins[phase.name] = now
+        now += phase.duration
+    primitives = tuple(drive.at(begins, {}) for drive in task.drives)
+    time, zeros = np.array([0.0, now]), np.zeros(2)
+    return Plan(
+        task=task, model=model, schedule=Schedule(primitives=primitives, duration=now, composition="handover"), phase_begins=begins,
+        time=time, strains=np.stack([model.rest, model.rest]), trace=TopologyTrace.from_lifted(
+            time=time, lifted_writhe=zeros, twist=zeros, convention=task.convention
+        ), status=PlanStatus.UNREACHABLE, plant=identified.plant, report=PlanReport(reason=reason, wall_time=clock.spent),
+    )  # fmt: skip

@@ -1,0 +1,184 @@
+"""From a task's own numbers, or from nothing better than chance, to unknowns that meet every goal.
+
+First the task's own numbers. If a fit from there does not meet the goals, random programmes are simulated, coarsely and without slopes,
+ranked by how far they are off, and the best that lie apart are fitted in turn. Several fits that end at one miss prove nothing, so that the
+search goes on until its work is used up. What is found on coarse steps is finished on fine ones: coarse steps flatter.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .least_squares import fit
+from .problem import GUARD_SCALE, Problem, Reading
+
+Floats = NDArray[np.float64]
+
+COARSE, RANKING, MIDDLE, FINE = 0.15, 0.2, 0.05, 0.02
+"""Steps of the reduced model, s: of a fit, of ranking, and of finishing in two stages."""
+
+ENOUGH = 1 / 3
+"""Share of its tolerance that a goal may use on the model; the rest is left to the plant."""
+
+SAMPLES, STARTS, APART = 60, 12, 0.25
+"""Random programmes, how many of them are fitted at most, and how far apart these lie in the unit box."""
+
+WORK = 15000.0
+"""Steps of the model, with slopes counted by what they cost, after which no new start is made: some two seconds."""
+
+CAPPED = 30.0
+"""Rows are not ranked beyond this many tolerances."""
+
+Stop = Callable[[], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The best that a search has seen.
+
+    Attributes
+    ----------
+    x : (n,) float64
+    reading : Reading
+        On fine steps.
+    starts : int
+        Programmes from which it was tried.
+    iterations : int
+    """
+
+    x: Floats
+    reading: Reading
+    starts: int
+    iterations: int
+
+    @property
+    def solved(self) -> bool:
+        """Whether every goal is met, and the path keeps away from a U-turn."""
+        return self.reading.worst <= 1
+
+
+class Search:
+    """The search on one problem; deterministic, unless it is stopped.
+
+    Parameters
+    ----------
+    problem : Problem
+    stop : callable
+        Whether time is up.
+    tell : callable
+        Told the number of the start and the smallest miss so far.
+    """
+
+    def __init__(self, problem: Problem, stop: Stop, tell: Callable[[int, float], None] = lambda _start, _miss: None) -> None:
+        self.problem, self.stop, self.tell = problem, stop, tell
+        self.best: tuple[float, Floats] | None = None
+        self.found: Found | None = None
+        self.starts = self.iterations = 0
+
+    def read(self, x: Floats, step: float = FINE) -> Reading:
+        """What unknowns lead to, on steps of at most `step`."""
+        return self.problem.read(x, self.problem.grid(x, step))
+
+    def fitted(self, x: Floats, step: float, iterations: int, offset: Floats | float = 0.0) -> Floats:
+        """Unknowns after a fit on steps of `step`, whose number stays what it is at its begin; `offset` is added to the misses."""
+        problem, grid = self.problem, self.problem.grid(x, step)
+
+        def read(tried: Floats, slopes: bool) -> Reading:
+            reading = problem.read(tried, grid, slopes)
+            return replace(reading, misses=reading.misses + offset)
+
+        def slopes(tried: Floats) -> tuple[Floats, Floats]:
+            reading = read(tried, True)
+            return reading.rows, reading.slopes
+
+        ended = fit(lambda tried: read(tried, False).rows, slopes, x, problem.box, iterations=iterations, stop=self.stop)
+        self.iterations += ended.iterations
+        return ended.x
+
+    def finished(self, x: Floats) -> tuple[Floats, Reading]:
+        """Unknowns that also hold on fine steps, as far as a few short fits can bring them there.
+
+        First on coarse steps, to whose misses that is added which fine ones have shown on top; where that does not settle, on finer steps.
+        """
+        best = x, self.read(x)
+        for step, iterations in ((COARSE, 5), (COARSE, 5), (COARSE, 5), (MIDDLE, 6)):
+            if best[1].worst < ENOUGH or best[1].worst > 8 or self.stop():
+                break
+            grid = self.problem.grid(best[0], step)
+            offset = self.problem.offset((grid, self.problem.read(best[0], grid)), (self.problem.grid(best[0], FINE), best[1]))
+            x = self.fitted(best[0], step, iterations, offset)
+            reading = self.read(x)
+            if reading.worst < best[1].worst:
+                best = x, reading
+        return best
+
+    def keep(self, x: Floats, reading: Reading) -> None:
+        """Remember unknowns if they are the best on fine steps."""
+        if self.found is None or reading.worst < self.found.reading.worst:
+            self.found = Found(x, reading, self.starts, self.iterations)
+
+    def attempt(self, start: Floats) -> bool:
+        """Fit from one programme; whether the goals are met now."""
+        self.starts += 1
+        x = self.fitted(start, COARSE, 15)
+        worst = self.read(x, COARSE).worst
+        if self.best is None or worst < self.best[0]:
+            self.best = worst, x
+        if worst < 0.5 or (self.found is None and worst < 1.5):
+            self.keep(*self.finished(x))
+        self.tell(self.starts, min(self.best[0], np.inf if self.found is None else self.found.reading.worst))
+        return self.found is not None and self.found.solved
+
+    def run(self, first: Floats) -> Found:
+        """Search from `first`, then from the best of random programmes.
+
+        Parameters
+        ----------
+        first : (n,) float64
+
+        Returns
+        -------
+        Found
+        """
+        self.problem.work = 0.0
+        if not self.attempt(first):
+            for start in self.programmes():
+                if self.stop() or self.problem.work > WORK or self.attempt(start):
+                    break
+        assert self.best is not None
+        if self.found is None or not self.found.solved:
+            self.keep(*self.finished(self.best[1]))
+        assert self.found is not None
+        return Found(self.found.x, self.found.reading, self.starts, self.iterations)
+
+    def programmes(self) -> list[Floats]:
+        """Random programmes that lie apart, the most promising first."""
+        ranked = sorted(self._samples(), key=lambda item: item[0])
+        box, chosen = self.problem.box, list[Floats]()
+        width = np.where(box.upper > box.lower, box.upper - box.lower, 1.0)
+        for _, x in ranked:
+            if all(np.linalg.norm((x - other) / width) > APART for other in chosen):
+                chosen.append(x)
+        return chosen[: STARTS - 1]
+
+    def _samples(self) -> list[tuple[float, Floats]]:
+        draw, box, found = np.random.default_rng(0), self.problem.box, []
+        for _ in range(SAMPLES):
+            if self.stop():
+                break
+            x = self.problem.start.copy()
+            for index, (name, low, high) in enumerate(zip(self.problem.names, box.lower, box.upper, strict=True)):
+                if high <= low:
+                    continue
+                if name.endswith(".level"):
+                    x[index] = low + (high - low) * draw.random() ** 1.5  # rather weak than strong
+                elif low > 0:
+                    x[index] = np.exp(draw.uniform(np.log(low), np.log(high)))
+                else:
+                    x[index] = draw.uniform(low, high)
+            reading = self.read(x, RANKING)
+            narrow = np.maximum(reading.guard - reading.openings, 0.0).sum() / GUARD_SCALE
+            found.append((float(np.linalg.norm(np.minimum(reading.shares, CAPPED)) + min(narrow, 5.0)), x))
+        return found
