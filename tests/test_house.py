@@ -15,7 +15,7 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = {"octoctrl": "octoctrl", "octoctrl.sim": "sim", "octoctrl.planners": "planners"}
 MODULES = sorted(path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py") if not path.parent.is_symlink())
 
-SIM_GROUND = {"errors", "findings", "compiler", "records", "rotations", "contracts"}
+SIM_GROUND = {"errors", "findings", "compiler", "records", "rotations", "contracts", "writing"}
 VOCABULARY = {
     "errors",
     "compiler",
@@ -37,6 +37,7 @@ ROOMS = {
         "errors": {"findings"},
         "findings": set(),
         "compiler": set(),
+        "writing": {"errors"},
         "records": set(),
         "rotations": set(),
         # Names types of the rooms that it is a contract between.

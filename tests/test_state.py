@@ -12,7 +12,7 @@ import octoctrl as oc
 from octoctrl.sim.assembly.buffer import new_assembly, set_rest
 from octoctrl.sim.assembly.geometry import assembly_geometry, assembly_grid
 from octoctrl.sim.body.squid import SquidTentacle
-from octoctrl.sim.errors import PlantUnstableError
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.findings import Finding, Stop
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.scene.scene import Scene
@@ -159,3 +159,88 @@ def test_what_a_plant_is_cannot_be_set_afterwards(name):
     with pytest.raises(AttributeError) as caught:
         setattr(plant, name, getattr(plant, name))
     assert str(caught.value) == f"'{name}' of a plant is settled when it is made and cannot be set; make another plant"
+
+
+# Files
+
+
+@pytest.fixture
+def saved(tmp_path):
+    plant = oc.Plant()
+    plant.advance(BEND, 0.1)
+    return plant.save(tmp_path / "state.npz")
+
+
+OTHERS = [
+    (lambda: oc.Plant(sample_interval=2.5e-3), "state has sample_interval=0.005, this plant sample_interval=0.0025"),
+    (lambda: oc.Plant(dt=2.5e-4), "state has steps=10, this plant steps=20"),
+    (lambda: oc.Plant(scene=oc.Scene.free(factor=2.0)), "state has water.factor=1.0, this plant water.factor=2.0"),
+    (lambda: oc.Plant(oc.Arm.octopus(elements=40)), "state has elements=48, this plant elements=40"),
+    (lambda: oc.Plant(oc.Arm.octopus(grading=0.5)), "state has grading=1.0, this plant grading=0.5"),
+    (lambda: oc.Plant(oc.Arm.octopus(youngs_modulus=2e4)), "state has arm="),
+    (lambda: make_plant("assembly-coarse"), "state has model=rod, this plant model=assembly-coarse"),
+]
+
+
+@pytest.mark.parametrize(("make", "message"), OTHERS, ids=range(len(OTHERS)))
+def test_a_state_of_another_plant_is_refused(saved, make, message):
+    plant = make()
+    before = plant.observe()
+    with pytest.raises(OctoctrlError) as caught:
+        plant.load(saved)
+    assert message in str(caught.value)
+    assert str(caught.value).endswith("make the plant as it was when saved") and plant.observe() == before
+
+
+def test_a_state_of_water_is_refused_in_a_vacuum_and_back(tmp_path, saved):
+    dry = oc.Plant(scene=oc.Scene(water=None))
+    with pytest.raises(OctoctrlError, match="state has water=there, this plant water=none"):
+        dry.load(saved)
+    with pytest.raises(OctoctrlError, match="state has water=none, this plant water=there"):
+        oc.Plant().load(dry.save(tmp_path / "dry.npz"))
+
+
+def test_files_that_are_no_states_are_said_to_be(tmp_path, saved):
+    cases = {"does not exist; write one with Plant.save": tmp_path / "none.npz"}
+    for name, content in (("empty", b""), ("text", b"hello"), ("cut", saved.read_bytes()[:400])):
+        (tmp_path / f"{name}.npz").write_bytes(content)
+        cases[f"{name}.npz holds no state of a plant, or is damaged"] = tmp_path / f"{name}.npz"
+    np.savez(tmp_path / "other.npz", x=np.zeros(3))
+    cases["other.npz holds no state of a plant, or is damaged"] = tmp_path / "other.npz"
+    with np.load(saved) as archive:
+        content = dict(archive)
+    header = content.pop("header").tobytes()
+    np.savez(tmp_path / "newer.npz", header=np.frombuffer(header.replace(b'"state": 1', b'"state": 9'), dtype=np.uint8), **content)
+    cases["newer.npz was written by a newer octoctrl: pip install -U octoctrl"] = tmp_path / "newer.npz"
+    content.pop("samples")
+    np.savez(tmp_path / "part.npz", header=np.frombuffer(header, dtype=np.uint8), **content)
+    cases["part.npz holds no whole state of this plant, or is damaged"] = tmp_path / "part.npz"
+    for message, path in cases.items():
+        with pytest.raises(OctoctrlError) as caught:
+            oc.Plant().load(path)
+        assert message in str(caught.value)
+
+
+def test_a_state_is_not_replaced_without_a_word(saved):
+    before = saved.read_bytes()
+    with pytest.raises(OctoctrlError, match=r"state\.npz exists"):
+        oc.Plant().save(saved)
+    assert saved.read_bytes() == before
+    oc.Plant().save(saved, overwrite=True)
+    assert saved.read_bytes() != before and [path.name for path in saved.parent.iterdir()] == ["state.npz"]
+    with pytest.raises(OctoctrlError, match="does not exist; make it first"):
+        oc.Plant().save(saved.parent / "no" / "state.npz")
+
+
+@pytest.mark.parametrize("kind", MAKE)
+def test_a_loaded_state_goes_on_with_the_same_bits(tmp_path, kind):
+    make, source = MAKE[kind]
+    plant, other = make(), make()
+    later(plant, source, 3)
+    other.load(plant.save(tmp_path / "state.npz"))
+    assert other.observe() == plant.observe() and later(other, source) == later(plant, source)
+
+
+def test_published_numerics_meet_their_period_of_feedback():
+    assert make_plant("assembly", paper_compatible=True).period == make_plant("assembly").period == 0.025
+    assert oc.Plant().period == 0.05

@@ -1,7 +1,7 @@
 """A plant: a core that moves by the step of a clock. What all plants share is here: levels, recording, second tries, copies, files."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from ..sources import Held, sampled
 from .clock import Clock, StepLimit
 from .observation import Observation, with_ends
 from .recording import Recording
+from .state_files import read_state, write_state
 
 
 class Plant:
@@ -277,40 +278,62 @@ class Plant:
 
     def restore(self, state: State) -> Observation:
         """Go to a `state` of this plant, or of one that differs in nothing but its clock's step."""
+        samples = int(state["samples"])
         self._core.restore(state)
-        self._samples = int(state["samples"])
+        self._samples = samples
         return self.observe()
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the state to an ``.npz`` file; `load` continues from it bit by bit.
 
+        Parameters
+        ----------
+        path : str or Path
+        overwrite : bool
+            Whether an existing file may be replaced.
+
+        Returns
+        -------
+        Path
+
         Raises
         ------
         OctoctrlError
-            If the file's suffix is not ``.npz``.
+            If the suffix is not ``.npz``, the file exists, or it cannot be written.
         """
-        if Path(path).suffix != ".npz":
-            raise OctoctrlError(f"unknown format '{Path(path).suffix}'; use .npz")
-        arrays: dict[str, Any] = {**self.state(), **self._identity()}
-        np.savez(path, **arrays)
+        return write_state(path, self.state(), self._identity(), overwrite=overwrite)
 
     def load(self, path: str | Path) -> Observation:
-        """Read a state written by `save`.
+        """Go to a state written by `save`.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        Observation
 
         Raises
         ------
         OctoctrlError
-            If it belongs to another model, arm, resolution or step.
+            If there is no such file, it holds no state or is damaged, or it belongs to another model, arm, resolution, water, step or
+            sample interval.
         """
-        with np.load(path) as data:
-            for name, mine in self._identity().items():
-                found = data[name] if name in data else "of another model"
-                if found != mine:
-                    raise OctoctrlError(f"{path}: state has {name}={found}, this plant {name}={mine}; make the plant as it was when saved")
-            return self.restore(data)
+        state = read_state(path, self._identity())
+        try:
+            return self.restore(state)
+        except (KeyError, ValueError, TypeError):
+            raise OctoctrlError(f"{path} holds no whole state of this plant, or is damaged") from None
 
     def _identity(self) -> dict[str, Any]:
-        return {"model": self.model, "arm": self.arm.fingerprint, **self._core.identity(), "steps": self.steps}
+        """What a saved state must share with the plant that goes on from it."""
+        water = self.scene.water
+        wet: dict[str, Any] = {"water": "none" if water is None else "there"}
+        if water is not None:
+            wet |= {f"water.{item.name}": getattr(water, item.name) for item in fields(water)}
+        known = {"model": self.model, "arm": self.arm.fingerprint, **self._core.identity()}
+        return known | {"sample_interval": self.sample_interval, "steps": self.steps} | wet
 
     def _sampled(self, source: ActivationSource, count: int) -> dict[str, Floats]:
         if type(source) is Held:  # which has been checked
