@@ -3,12 +3,15 @@
 import copy
 import pickle
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
 import pytest
 
 import octoctrl as oc
+from octoctrl.files.configuration import parse
+from octoctrl.files.toml_writing import toml_of
 from octoctrl.sim.assembly.buffer import new_assembly, set_rest
 from octoctrl.sim.assembly.geometry import assembly_geometry, assembly_grid
 from octoctrl.sim.body.squid import SquidTentacle
@@ -244,3 +247,19 @@ def test_a_loaded_state_goes_on_with_the_same_bits(tmp_path, kind):
 def test_published_numerics_meet_their_period_of_feedback():
     assert make_plant("assembly", paper_compatible=True).period == make_plant("assembly").period == 0.025
     assert oc.Plant().period == 0.05
+
+
+def test_arms_of_other_classes_loads_sensors_and_observations_can_be_stored(tmp_path):
+    loads = (oc.PointLoad(force=(0.0, 0.0, -1e-3)), oc.SpreadLoad(torque=(0.0, 0.0, 1e-6), window=(0.1, 0.2), follower=True))
+    for number, item in enumerate((SquidTentacle(), oc.Scene(loads=loads), oc.Sensors(delay=0.05), oc.Plant().observe())):
+        path = oc.save(tmp_path / f"{number}.npz", item)
+        assert oc.load(path) == item and type(oc.load(path)) is type(item)
+    with pytest.raises(OctoctrlError, match=r"PointLoad\.force is of type function, which cannot be stored"):
+        oc.save(tmp_path / "function.npz", oc.PointLoad(force=lambda time: (time, 0.0, 0.0)))
+
+
+def test_a_task_file_says_the_loads_and_the_class_of_the_arm():
+    loads = (oc.PointLoad(arclength=0.01, force=(0.0, 0.0, -1e-3)), oc.SpreadLoad(torque=(0.0, 0.0, 1e-6)))
+    configuration = replace(oc.tasks.load("coil"), arm=SquidTentacle(), scene=oc.Scene(loads=loads))
+    again = parse(toml_of(configuration))
+    assert again.scene == configuration.scene and type(again.arm) is SquidTentacle and again.arm == configuration.arm

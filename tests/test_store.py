@@ -318,7 +318,7 @@ def test_what_fails_while_it_is_written_leaves_the_old_file(tmp_path):
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(writing.os, "access", lambda path, mode: False)
+    monkeypatch.setattr("os.access", lambda path, mode: False)
     with pytest.raises(OctoctrlError, match="cannot be written; give a path in another one"):
         writing.check_target(tmp_path / "run.npz")
     (tmp_path / "file").touch()

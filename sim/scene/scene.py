@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from ..errors import check_number
-from .loads import Load, checked_loads
+from .loads import Load, PointLoad, SpreadLoad, checked_loads
 from .objects import RigidObject, checked_objects
 
 
@@ -57,7 +57,7 @@ class Scene:
     """
 
     water: Water | None = field(default=Water())
-    loads: tuple[Load, ...] = ()
+    loads: tuple[PointLoad | SpreadLoad | Load, ...] = ()
     objects: tuple[RigidObject, ...] = ()
 
     def __post_init__(self) -> None:
