@@ -95,3 +95,11 @@ def test_linear_model_lies_between_the_plants_two_directions(printed):
     linear, up, down = table[0.4]
     assert up < linear < down < 0 and gain < linear
     assert table[1.0][1] == pytest.approx(gain, rel=0.15), "the plant settles at the linear model's gain"
+
+
+def test_stepping_by_hand_shows_tip_strains_and_topology(printed):
+    text = printed("08_step_by_hand")
+    table = np.array(rows(text, 8))
+    assert table[:, 0] == pytest.approx([0.1, 0.3, 0.5, 0.7, 0.9])
+    assert table[:, 5] == pytest.approx(table[:, 6] + table[:, 7], abs=2e-3) and table[-1, 7] < -0.5
+    assert np.ptp(table[:, 3]) > 1.0 and re.search(r"\d+ x real time", text)

@@ -22,8 +22,8 @@ from octoctrl.sim.topology.meter import Meter
 from ..progress import NullProgress, Progress
 from .results import Event, Execution, ExecutionReport, ExecutionStatus
 
-PERIOD, PERIODS = 0.05, {"assembly": 0.025, "assembly-coarse": 0.025}
-"""Time between corrections, s: the full arm, which its reduced model describes less well, is corrected more often."""
+PERIOD = 0.05
+"""Time between corrections, s, of a plant that does not say its own."""
 
 PATIENCE = 0.3
 """A phase whose goals are not met at its planned end is held for at most this share of its duration."""
@@ -58,7 +58,7 @@ def execute(
     plant : Plant or {"rod", "assembly", "assembly-coarse"}, optional
         A plant, which is reset, or the name of one for the plan's arm and scene; the one that the plan was made for if omitted.
     period : float, optional, s
-        Between corrections; `PERIOD`, or that of the plant in `PERIODS`, if omitted.
+        Between corrections; the usual one of the plant, or `PERIOD`, if omitted.
     patience : float, optional
         The share of its duration for which a phase waits for its goals, as long as it does not get farther from them (see `GRACE`). If
         omitted, `PATIENCE`; nothing in open loop and for a callable.
@@ -102,7 +102,7 @@ def execute(
     if any(getattr(plant.arm, name) != getattr(plan.arm, name) for name in ("length", "base_radius", "taper")):
         plan.check_arm(plant.arm)
     if period is None:
-        period = PERIODS.get(_name(plant), PERIOD)
+        period = getattr(plant, "period", PERIOD)
     if abs(round(period / plant.sample_interval) * plant.sample_interval - period) > 1e-9:
         raise OctoctrlError(f"period={period:g} s: needs a multiple of the plant's sample interval {plant.sample_interval:g} s")
     patience = getattr(chosen, "patience", PATIENCE) if patience is None else patience
