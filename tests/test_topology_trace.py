@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -144,6 +145,8 @@ def test_rounding_of_times_is_forgiven_and_no_more(ends, slack):
         assert trace.at(end + 0.9 * outward * slack).lifted_writhe[0] == pytest.approx(trace.lifted_writhe[0 if outward < 0 else 1])
         with pytest.raises(OctoctrlError, match=r"is outside the trace, which covers"):
             trace.at(end + 1.1 * outward * slack)
+    flagged = replace(trace, uturn=[True, False])
+    assert flagged.at([ends[0] - slack / 2, ends[1] + slack / 2]).uturn.tolist() == [True, False]
     with pytest.raises(OctoctrlError) as caught:
         trace.at([ends[0] - 1.0, ends[0] - 0.5])
     assert str(caught.value) == f"time {ends[0] - 1:g}…{ends[0] - 0.5:g} s is outside the trace, which covers {ends[0]:g}…{ends[1]:g} s"

@@ -13,6 +13,7 @@ from verdict_scenes import EDGES, END, GOALS, RECORDED, Motion, bump, moved, pla
 from octoctrl.carrying.results import Check, ExecutionStatus, Verdict, VerdictStatus, VerificationFailedError
 from octoctrl.judging.verification import Limits, verify
 from octoctrl.planners.asking.registry import goal
+from octoctrl.planners.contracts import When
 from octoctrl.sim.errors import OctoctrlError
 
 PLANNED = Motion()
@@ -203,6 +204,29 @@ def test_a_goal_at_its_tolerance_is_met_and_one_just_beyond_is_not(quantity):
         verdict = verify(asking("cross", replace(wanted, tolerance=tolerance)))
         assert {check.name: check.passed for check in verdict.checks}[f"cross.{quantity}"] is met
         assert verdict.passed is met
+
+
+@pytest.mark.parametrize(
+    ("phase", "target", "times"),
+    [
+        ("store", {"at_most": 0.0, "when": When.THROUGHOUT}, (0.0, 1.0)),  # the arm was wound the other way at first
+        ("store", {"at_least": -0.55, "when": When.THROUGHOUT}, (0.0, 1.0)),
+        ("curl", {"at_most": -0.58, "when": When.THROUGHOUT}, (1.0, 3.0)),  # before and after it is not so
+        ("cross", {"between": (-0.62, 0.2), "when": When.THROUGHOUT}, (3.0, 4.5)),
+        ("rest", {"at_least": 0.5}, (6.0, 6.0)),
+        ("rest", {"at_least": 0.5, "hold": 0.75}, (5.25, 6.0)),
+        ("rest", {"at_least": 0.5, "hold": 3.0}, (4.5, 6.0)),
+    ],
+)
+def test_goals_that_hold_for_a_while_are_read_over_that_while(phase, target, times):
+    aim = goal("twist", tolerance=0.03, **target)
+    motion = twisted(0.1, 0.3, 0.15)
+    run = carried_out(motion, plan_of(PLANNED, goals=GOALS | {phase: (aim,)}))
+    twist = read(run.recording)["twist"][(times[0] <= RECORDED) & (times[1] >= RECORDED)]
+    low, high = target.get("between", (target.get("at_least", -inf), target.get("at_most", inf)))
+    expected = max(0.0, low - min(twist), max(twist) - high)
+    found = next(check for check in verify(run).checks if check.name == f"{phase}.twist")
+    assert found.value == pytest.approx(expected, abs=2e-8) and found.limit == 0.03
 
 
 def test_limits_are_those_of_the_documentation():

@@ -188,7 +188,6 @@ class TopologyTrace(Record):
         def smooth(values: Floats) -> Floats:
             return np.interp(wanted, self.time, values)
 
-        flagged = (self.uturn[left] & (wanted < self.time[right])) | (self.uturn[right] & (wanted > self.time[left]))
         return replace(
             self,
             time=wanted,
@@ -197,7 +196,7 @@ class TopologyTrace(Record):
             twist=smooth(self.twist),
             lifted_writhe=smooth(self.lifted_writhe),
             crossings=count,
-            uturn=flagged | self.uturn[nearest],
+            uturn=self.uturn[right] | (self.uturn[left] & (wanted < self.time[right])),
             residual=smooth(self.residual),
         )
 
