@@ -128,7 +128,19 @@ def needs(configuration: Configuration) -> Findings:
     row, plant = PLANTS[name], Plant(configuration.arm, configuration.scene, name)
     rows = [("plant", f"{name}: {row.text}", "needed"), *_features(plant, row, activation.groups)]
     rows += [("step", step_text(plant), ""), ("run time", _run_time(plant, row, activation, duration), "")]
+    rows += _volume(plant)
     return Findings(title=f"Task '{task.name}'", rows=tuple(rows))
+
+
+def _volume(plant: Plant) -> list[tuple[str, str, str]]:
+    """A line on the volume after the stretch that was timed, if the plant keeps books of it."""
+    series = plant.core.series()
+    if "volume" not in series:
+        return []
+    whole, worst = float(series["volume"]), float(np.abs(series["slab_volume"] - 1).max())
+    return [
+        ("volume", f"{whole:.2%} of rest after {plant.time:.3g} s, worst slab {worst:.2%} off; `verify` holds it to 3 % and 5 %", "needed")
+    ]
 
 
 def _guess(configuration: Configuration) -> tuple[Activation, float]:

@@ -17,7 +17,10 @@ from octoctrl.planners.contracts import When
 from octoctrl.sim.errors import OctoctrlError
 
 PLANNED = Motion()
-LIMITS = {"writhe_rms": 0.05, "writhe_max": 0.15, "twist_rms": 0.05, "level_time": 0.3, "link_residual": 0.02, "tip_rms": 0.08}
+LIMITS = {
+    "writhe_rms": 0.05, "writhe_max": 0.15, "twist_rms": 0.05, "level_time": 0.3, "link_residual": 0.02, "tip_rms": 0.08,
+    "volume": 0.03, "slab_volume": 0.05,
+}  # fmt: skip
 
 
 def wound_to(turns):
@@ -50,6 +53,15 @@ def one_level(level):
     return replace(run, recording=replace(run.recording, levels=levels))
 
 
+def swollen(**changes):
+    """A run of a plant that keeps books of its volume, which leaves that at rest for one instant."""
+    run = carried_out()
+    series = {"volume": np.ones(len(run.recording.time)), "slab_volume": np.ones((len(run.recording.time), 9))}
+    for name, change in changes.items():
+        series[name][50] += change
+    return replace(run, recording=replace(run.recording, series=series))
+
+
 def without_last_event(run):
     return replace(run, events=run.events[:-1])
 
@@ -74,12 +86,15 @@ FAILING = {
     "link_residual": lambda: carried_out(plan=plan_of(PLANNED, elements=20)),
     "activation": lambda: one_level(1.01),
     "tip_rms": elsewhere,
+    "volume": lambda: swollen(volume=0.04),
+    "slab_volume": lambda: swollen(slab_volume=-0.06),
 }
 PASSING = {
     "as planned": carried_out,
     "a little off": lambda: carried_out(replace(twisted(0.3, 4.4, 0.01), bend=bump(PLANNED.bend, 1.0, 4.9, 0.01))),
     "a little off the other way": lambda: carried_out(replace(twisted(0.3, 4.4, -0.01), bend=bump(PLANNED.bend, 1.0, 4.9, -0.01))),
     "a phase that waits": lambda: waiting(plan_of(PLANNED), twisted(0.7, 2.6, 0.02)),
+    "a volume that moves a little": lambda: swollen(volume=-0.02, slab_volume=0.04),
     "late phases": lambda: late(carried_out(replace(twisted(0.7, 2.6, 0.02), stretch=((0.0, 1.0), (2.5, 0.952))))),
 }
 
@@ -116,16 +131,25 @@ def plain_reading(run):
                 wanted = min(time for time in asked if time >= begin)
                 delays.append(min((abs(time - wanted) for time in had), default=inf))
     distance = np.sqrt(((run.recording.points[:, -1] - np.array([planned_tip(plan, reading) for reading in clock])) ** 2).sum(axis=1)) / 0.2
-    return values | {
-        "writhe_rms": (np.sqrt((writhe**2).sum() / len(writhe)), 0.05),
-        "writhe_max": (max(abs(writhe)), 0.15),
-        "twist_rms": (np.sqrt((twist**2).sum() / len(twist)), 0.05),
-        "crossings": (abs(crossed[0] - crossed[1]), 0),
-        "level_time": (max(delays), 0.3),
-        "link_residual": (max(abs(found["residual"])), 0.02),
-        "activation": (max(run.recording.levels.ravel()), 1.0),
-        "tip_rms": (np.sqrt((distance**2).sum() / len(distance)), 0.08),
+    kept = {
+        name: (max(abs(run.recording.series[name].ravel() - 1)), LIMITS[name])
+        for name in ("volume", "slab_volume")
+        if name in run.recording.series
     }
+    return (
+        values
+        | {
+            "writhe_rms": (np.sqrt((writhe**2).sum() / len(writhe)), 0.05),
+            "writhe_max": (max(abs(writhe)), 0.15),
+            "twist_rms": (np.sqrt((twist**2).sum() / len(twist)), 0.05),
+            "crossings": (abs(crossed[0] - crossed[1]), 0),
+            "level_time": (max(delays), 0.3),
+            "link_residual": (max(abs(found["residual"])), 0.02),
+            "activation": (max(run.recording.levels.ravel()), 1.0),
+            "tip_rms": (np.sqrt((distance**2).sum() / len(distance)), 0.08),
+        }
+        | kept
+    )
 
 
 def read(recording, known={}):  # noqa: B006
@@ -162,7 +186,16 @@ def planned_tip(plan, time):
 
 
 def unit_of(name):
-    units = {"level_time": "s", "tip_rms": "lengths", "crossings": "", "activation": "", "unfinished_phases": "", "stopped": ""}
+    units = {
+        "volume": "",
+        "slab_volume": "",
+        "level_time": "s",
+        "tip_rms": "lengths",
+        "crossings": "",
+        "activation": "",
+        "unfinished_phases": "",
+        "stopped": "",
+    }
     return "m" if name.endswith(".length") else units.get(name, "turns")
 
 

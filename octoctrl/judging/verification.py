@@ -36,6 +36,9 @@ class Limits:
         Largest level.
     tip_rms : float, arm lengths
         Distance of the tip from the planned one.
+    volume, slab_volume : float
+        Largest change of the volume of the whole arm, and of any slab between two rings, as a share of that at rest; of plants that record
+        it.
     """
 
     writhe_rms: float = 0.05
@@ -46,6 +49,8 @@ class Limits:
     link_residual: float = 0.02
     activation: float = 1.0
     tip_rms: float = 0.08
+    volume: float = 0.03
+    slab_volume: float = 0.05
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -94,6 +99,9 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
     if points is not None:
         distance = np.linalg.norm(execution.recording.tip - points[:, -1], axis=1) / execution.plan.arm.length
         checks.append(_check("tip_rms", rms(distance), limits.tip_rms, "lengths"))
+    for name in ("volume", "slab_volume"):
+        if name in execution.recording.series:
+            checks.append(_check(name, np.abs(execution.recording.series[name] - 1).max(), getattr(limits, name)))
     verdict = Verdict(checks=tuple(checks))
     return verdict.raise_if_failed() if strict else verdict
 

@@ -154,8 +154,16 @@ class AssemblyCore:
         return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self.geometry.straight.length[0]
 
     def series(self) -> State:
-        """Volumes of the slabs between the rings over those at rest, ``slab_volume`` (N,)."""
-        return {"slab_volume": connections_of(self.arm, self.geometry, self.rods).volumes() / self.rods.slab(SlabRow.REST)}
+        """Volume inside the rings over that at rest: ``volume`` of the whole, ``slab_volume`` of each slab (N or N - 1,) under pressure.
+
+        A slab whose ring is held at the base is none of these.
+        """
+        series = self._volumes(connections_of(self.arm, self.geometry, self.rods).volumes()[None])
+        return {name: values[0] for name, values in series.items()}
+
+    def _volumes(self, volumes: Floats) -> dict[str, Floats]:
+        rest, first = self.rods.slab(SlabRow.REST), 0 if self.arm.anatomy.traits.sliding else 1
+        return {"volume": volumes.sum(axis=1) / rest.sum(), "slab_volume": (volumes / rest)[:, first:]}
 
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities and spins of the nerve cord now."""
@@ -229,7 +237,7 @@ class AssemblyCore:
             rods.ring_index, rods.helix_index, points, frames, stretch, volumes, watch,
         )  # fmt: skip
         rod, element = self.place(family, int(where)) if finding else ("", 0)
-        series = {"slab_volume": volumes[:done] / rods.slab(SlabRow.REST)}
+        series = self._volumes(volumes[:done])
         return Motion(points[:done], frames[:done], stretch[:done], series, Finding(finding), rod, element)
 
     def explain(self, before: State, first: int, inputs: State, motion: Motion, clock: Clock) -> Stop:
