@@ -12,7 +12,8 @@ import time
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.assembly.core import compiled
+from octoctrl.sim.assembly.stepping import mover
+from octoctrl.sim.assembly.terms import Step, hydrostat_terms
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.topology.measures import twist, writhe
 from octoctrl.tables import machine
@@ -46,41 +47,22 @@ def shape(plant):
 
 
 def by_part(plant, repeats=60):
-    """Microseconds per step of each part, best of `repeats` calls on the present state."""
-    rods, h = plant.core.rods, plant.h
-    _, parts = compiled(plant.core.grid, plant.core.geometry.inclination)
-    u = np.uint64
-    grid = plant.core.grid
-    everything, rings = (u(1), u(grid.open_slots * grid.lanes - 1)), (u(grid.lanes), u((grid.ring_nodes + 1) * grid.lanes))
-    calls = {
-        "strains and muscles, open rods": ("strain", (*everything, 0.5, 0.25 * h, plant.core._laws[0])),
-        "strains and muscles, rings": ("ring_strain", (*rings, 0.5, 0.25 * h, plant.core._laws[2])),
-        "bending, open rods": ("bend", everything),
-        "bending, rings": ("ring_bend", rings),
-        "side by side: copies": ("gather", ()),
-        "side by side: cord": ("cord", ()),
-        "side by side: neighbours": ("neighbours", ()),
-        "ring to muscle": ("ring_muscle", ()),
-        "ring to ring": ("ring_ring", ()),
-        "ring to muscle, 8 side nodes": ("beside", ()),
-        "spokes: sums, pressure, water": ("scatter", plant.core._drag[:2]),
-        "ring to oblique: copies": ("fetch", (rods.ring_index, rods.helix_index)),
-        "ring to oblique: forces": ("connect", ()),
-        "ring to oblique: sums": ("give", (rods.ring_index, rods.helix_index)),
-        "kick and spin": ("push", ()),
-        "axial solve, all": ("relax", ()),
-        "axial solve, rings only": ("ring_solve", ()),
-        "drift": ("move", (h,)),
-    }
+    """Microseconds per step of each term, best of `repeats` calls on the present state."""
+    rods, core = plant.core.rods, plant.core
+    terms = hydrostat_terms(core.grid, plant.arm.anatomy.traits)
+    step = Step(plant.h, core._laws, core._drag, rods.ring_index, rods.helix_index)
+    move = mover(core.grid)
+    calls = {name: lambda term=term: term(rods.flat, 0.5, step) for name, term in terms.items()}
+    calls["drift"] = lambda: move(rods.flat, plant.h)
     state = rods.flat.copy()
     times = {}
-    for label, (name, arguments) in calls.items():
+    for label, call in calls.items():
         best = np.inf
         for _ in range(repeats):
             rods.flat[:] = state
             for _ in range(2):
                 begin = time.perf_counter()
-                parts[name](rods.flat, *arguments)
+                call()
                 best = min(best, time.perf_counter() - begin)
         times[label] = best * 1e6
     rods.flat[:] = state
@@ -92,7 +74,7 @@ def main():
     plant = make_plant("assembly")
     activation = programme()
     plant.advance(activation, 0.2)
-    print("microseconds per step by part")
+    print("microseconds per step by term")
     for label, value in by_part(plant).items():
         print(f"  {label:34s} {value:8.1f}")
     for step in (5e-5, 2.5e-5):

@@ -6,12 +6,16 @@ from assembly_parts import parts_of
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections, straight_mass
+from octoctrl.sim.assembly.core import AssemblyCore
 from octoctrl.sim.assembly.geometry import assembly_geometry
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SlabRow, SpokeRow
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import make_plant
+from octoctrl.sim.running.clock import Clock
+from octoctrl.sim.running.plant import Plant
+from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.topology.measures import twist
 
 ARM = Arm.octopus()
@@ -435,6 +439,19 @@ def test_muscles_deform_the_arm_at_constant_volume(groups, level, length):
     now = plant.core.nodes()[2].mean(axis=1)
     assert np.ptp(now[:, 1]) / np.ptp(rings[:, 1]) - 1 == pytest.approx(length, abs=0.01)
     assert np.abs(now[:170, ::2]).max() < 1e-3
+
+
+def test_a_sample_that_stops_is_tried_again_at_parts_of_the_step():
+    """At 250 µs a sample soon stops, at a quarter of that it does not."""
+    pull = Activation(templates=(Plateau(groups=("R-OM",), level=0.3, rise=0.02),))
+    core = AssemblyCore(ARM, Scene(), ring_nodes=8)
+    plant = Plant(core, Clock(steps=20), automatic=True)
+    found = plant.advance(pull, 0.05)
+    assert plant.retried > 0
+    reference = make_plant("assembly-coarse").advance(pull, 0.05)
+    assert np.abs(found.points[-1] - reference.points[-1]).max() < 2e-5
+    with pytest.raises(PlantUnstableError):
+        Plant(AssemblyCore(ARM, Scene(), ring_nodes=8), Clock(steps=20)).advance(pull, 0.05)
 
 
 def test_guard_names_rod_and_element():
