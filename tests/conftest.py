@@ -92,7 +92,7 @@ def coil_plan():
     from octoctrl.sim.topology.measures import measure
 
     configuration = tasks.load("coil")
-    task, arm = configuration.task, configuration.arm
+    task, arm = configuration.task.on(configuration.arm), configuration.arm
     time = np.linspace(0.0, DURATION, 61)
     strains = coil_strains(time)
     _, frames, points = coil_motion(arm, strains)

@@ -46,7 +46,7 @@ def test_outward_coil_is_the_mirror_image_of_the_coil():
         np.testing.assert_allclose(*pair, atol=0.05)
 
 
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", oc.tasks.names())
 def test_windows_follow_the_arm(name):
     task = oc.tasks.load(name).task
     for length in (0.15, 0.3):

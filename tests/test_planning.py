@@ -27,7 +27,7 @@ from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.topology.measures import measure
 
-COIL = tasks.load("coil").task
+COIL = tasks.load("coil").task.on(Arm())
 
 
 @pytest.fixture(scope="module")

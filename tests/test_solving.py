@@ -25,7 +25,7 @@ from octoctrl.planners.solving.slopes import Slopes, SlopesMath
 from octoctrl.sim.activation import Activation, Plateau, Wave
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 
-COIL = tasks.load("coil").task
+COIL = tasks.load("coil").task.on(Arm())
 
 
 @pytest.fixture(scope="module")

@@ -72,7 +72,7 @@ def plan(
     from octoctrl.planners.solving import planner
 
     found = planner.plan(
-        configuration.task.on(arm),
+        configuration.task,
         identified,
         time_limit=configuration.plan.time_limit if time_limit is None else time_limit,
         guess=guess,

@@ -120,6 +120,7 @@ def plan(
     """
     check_number("time_limit", time_limit, above=0.0, unit="s")
     clock = Clock(time_limit)
+    task = task.on(identified.model.arm)
     reason = unreachable(task, identified.reach)
     if reason:
         return _refused(task, identified, reason, clock)
