@@ -103,3 +103,10 @@ def test_stepping_by_hand_shows_tip_strains_and_topology(printed):
     assert table[:, 0] == pytest.approx([0.1, 0.3, 0.5, 0.7, 0.9])
     assert table[:, 5] == pytest.approx(table[:, 6] + table[:, 7], abs=2e-3) and table[-1, 7] < -0.5
     assert np.ptp(table[:, 3]) > 1.0 and re.search(r"\d+ x real time", text)
+
+
+def test_a_twisted_rod_leaves_its_axis_beyond_the_critical_twist_only(printed):
+    text = printed("09_twisted_rod")
+    (*_, below), (*_, beyond) = rows(text, 3)
+    assert below < 0.1 and beyond > 100
+    assert re.search(r"pulled straight by 5 N: \d+\.\d+ mm; and back at 30 s", text)

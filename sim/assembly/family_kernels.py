@@ -21,7 +21,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..physics.fibre_kernels import hill_secant, isometric_stress, passive_stress, passive_tangent
-from ..physics.rotation_kernels import angle_over_sine
+from ..physics.rotation_kernels import joint_curvature, small_rotation, turned
 from .layout import AssemblyRow, stride_of
 
 ONE = np.uint64(1)
@@ -76,25 +76,10 @@ def family_kernels(grid, rings, graded=False):
             b[X2 + k] += h * b[V2 + k]
             b[X3 + k] += h * b[V3 + k]
             u1, u2, u3 = h * b[W1 + k], h * b[W2 + k], h * b[W3 + k]
-            square = u1 * u1 + u2 * u2 + u3 * u3
-            sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040)))
-            cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320)))
-            # Rows of exp(-[u]): 1 - sine [u] + cosine (u u^T - u.u).
-            r11, r22, r33 = 1 - cosine * (u2 * u2 + u3 * u3), 1 - cosine * (u1 * u1 + u3 * u3), 1 - cosine * (u1 * u1 + u2 * u2)
-            c12, c13, c23 = cosine * u1 * u2, cosine * u1 * u3, cosine * u2 * u3
-            s1, s2, s3 = sine * u1, sine * u2, sine * u3
-            a, d, g = b[Q11 + k], b[Q21 + k], b[Q31 + k]
-            b[Q11 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
-            b[Q21 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
-            b[Q31 + k] = (c13 + s2) * a + (c23 - s1) * d + r33 * g
-            a, d, g = b[Q12 + k], b[Q22 + k], b[Q32 + k]
-            b[Q12 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
-            b[Q22 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
-            b[Q32 + k] = (c13 + s2) * a + (c23 - s1) * d + r33 * g
-            a, d, g = b[Q13 + k], b[Q23 + k], b[Q33 + k]
-            b[Q13 + k] = r11 * a + (c12 + s3) * d + (c13 - s2) * g
-            b[Q23 + k] = (c12 - s3) * a + r22 * d + (c23 + s1) * g
-            b[Q33 + k] = (c13 + s2) * a + (c23 - s1) * d + r33 * g
+            r = small_rotation(u1, u2, u3)
+            b[Q11 + k], b[Q21 + k], b[Q31 + k] = turned(r, b[Q11 + k], b[Q21 + k], b[Q31 + k])
+            b[Q12 + k], b[Q22 + k], b[Q32 + k] = turned(r, b[Q12 + k], b[Q22 + k], b[Q32 + k])
+            b[Q13 + k], b[Q23 + k], b[Q33 + k] = turned(r, b[Q13 + k], b[Q23 + k], b[Q33 + k])
 
     @kernel
     def strain(b, first, last, share, elastic, law):
@@ -138,21 +123,13 @@ def family_kernels(grid, rings, graded=False):
     def bend(b, first, last):
         for k in range(first, last):
             p = k - step
-            a11, a12, a13, a21, a22, a23, a31, a32, a33 = (
-                b[Q11 + p], b[Q12 + p], b[Q13 + p], b[Q21 + p], b[Q22 + p], b[Q23 + p], b[Q31 + p], b[Q32 + p], b[Q33 + p],
-            )  # fmt: skip
-            c11, c12, c13, c21, c22, c23, c31, c32, c33 = (
-                b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k],
-            )  # fmt: skip
-            trace = (
-                c11 * a11 + c12 * a12 + c13 * a13 + c21 * a21 + c22 * a22 + c23 * a23 + c31 * a31 + c32 * a32 + c33 * a33
-            )  # fmt: skip
             joint = b[JOINT_LENGTH + k]
             inverse = 1 / joint
-            factor = 0.5 * angle_over_sine(0.25 * (3 - trace)) * inverse
-            k1 = factor * (c21 * a31 + c22 * a32 + c23 * a33 - c31 * a21 - c32 * a22 - c33 * a23)
-            k2 = factor * (c31 * a11 + c32 * a12 + c33 * a13 - c11 * a31 - c12 * a32 - c13 * a33)
-            k3 = factor * (c11 * a21 + c12 * a22 + c13 * a23 - c21 * a11 - c22 * a12 - c23 * a13)
+            k1, k2, k3 = joint_curvature(
+                b[Q11 + p], b[Q12 + p], b[Q13 + p], b[Q21 + p], b[Q22 + p], b[Q23 + p], b[Q31 + p], b[Q32 + p], b[Q33 + p],
+                b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k],
+                inverse,
+            )  # fmt: skip
             swell = 0.5 * (b[STRETCH + k] * b[LENGTH + k] + b[STRETCH + p] * b[LENGTH + p]) * inverse
             soften = 1 / (swell * swell * swell)
             bending, twisting = b[BEND + k] * soften, b[TWIST + k] * soften

@@ -27,15 +27,32 @@ def angle_over_sine(y: float) -> float:
 
 
 @kernel
-def rotation(u1: float, u2: float, u3: float) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Nine entries, row by row, of exp(-[u]) = 1 - sine [u] + cosine (u u^T - u.u), to 1e-10 up to one radian."""
-    square = u1 * u1 + u2 * u2 + u3 * u3
-    sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880 - square * (1 / 39916800)))))
-    cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square * (1 / 3628800 - square * (1 / 479001600)))))
+def entries(
+    u1: float, u2: float, u3: float, sine: float, cosine: float
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Nine entries, row by row, of 1 - sine [u] + cosine (u u^T - u.u)."""
     r11, r22, r33 = 1 - cosine * (u2 * u2 + u3 * u3), 1 - cosine * (u1 * u1 + u3 * u3), 1 - cosine * (u1 * u1 + u2 * u2)
     c12, c13, c23 = cosine * u1 * u2, cosine * u1 * u3, cosine * u2 * u3
     s1, s2, s3 = sine * u1, sine * u2, sine * u3
     return r11, c12 + s3, c13 - s2, c12 - s3, r22, c23 + s1, c13 + s2, c23 - s1, r33
+
+
+@kernel
+def rotation(u1: float, u2: float, u3: float) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Nine entries, row by row, of exp(-[u]), to 1e-10 up to one radian."""
+    square = u1 * u1 + u2 * u2 + u3 * u3
+    sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880 - square * (1 / 39916800)))))
+    cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square * (1 / 3628800 - square * (1 / 479001600)))))
+    return entries(u1, u2, u3, sine, cosine)
+
+
+@kernel
+def small_rotation(u1: float, u2: float, u3: float) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """The same with fewer terms, to 1e-10 up to a tenth of a radian, for steps that are short against all turning."""
+    square = u1 * u1 + u2 * u2 + u3 * u3
+    sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040)))
+    cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320)))
+    return entries(u1, u2, u3, sine, cosine)
 
 
 @kernel
@@ -67,3 +84,35 @@ def orthonormal(
         d2 - 0.5 * (ad * a2 + cd * c2 + dd * d2),
         d3 - 0.5 * (ad * a3 + cd * c3 + dd * d3),
     )
+
+
+@kernel
+def joint_curvature(
+    a11: float,
+    a12: float,
+    a13: float,
+    a21: float,
+    a22: float,
+    a23: float,
+    a31: float,
+    a32: float,
+    a33: float,
+    c11: float,
+    c12: float,
+    c13: float,
+    c21: float,
+    c22: float,
+    c23: float,
+    c31: float,
+    c32: float,
+    c33: float,
+    inverse: float,
+) -> tuple[float, float, float]:
+    """Rotation vector from a frame to the next, log(C A^T), times the `inverse` of their distance."""
+    trace = c11 * a11 + c12 * a12 + c13 * a13 + c21 * a21 + c22 * a22 + c23 * a23 + c31 * a31 + c32 * a32 + c33 * a33
+    factor = 0.5 * angle_over_sine(0.25 * (3 - trace)) * inverse
+    return (
+        factor * (c21 * a31 + c22 * a32 + c23 * a33 - c31 * a21 - c32 * a22 - c33 * a23),
+        factor * (c31 * a11 + c32 * a12 + c33 * a13 - c11 * a31 - c12 * a32 - c13 * a33),
+        factor * (c11 * a21 + c12 * a22 + c13 * a23 - c21 * a11 - c22 * a12 - c23 * a13),
+    )  # fmt: skip

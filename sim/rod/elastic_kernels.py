@@ -19,7 +19,8 @@ import numpy as np
 
 from ..compiler import kernel
 from ..contracts import Floats
-from ..physics.rotation_kernels import angle_over_sine, orthonormal, rotation, turned
+from ..physics.drag_kernels import braked
+from ..physics.rotation_kernels import joint_curvature, orthonormal, rotation, turned
 from .layout import offsets
 
 ONE = np.uint64(1)
@@ -121,19 +122,11 @@ def rod_kernels(stride: int, constant_section: bool = False) -> tuple[Callable[.
     def curvature(b: Floats, n: np.uint64) -> None:
         for k in range(ONE, n + ONE):
             p = k - ONE
-            a11, a12, a13, a21, a22, a23, a31, a32, a33 = (
+            b[K1 + k], b[K2 + k], b[K3 + k] = joint_curvature(
                 b[Q11 + p], b[Q12 + p], b[Q13 + p], b[Q21 + p], b[Q22 + p], b[Q23 + p], b[Q31 + p], b[Q32 + p], b[Q33 + p],
-            )  # fmt: skip
-            c11, c12, c13, c21, c22, c23, c31, c32, c33 = (
                 b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k],
+                b[INVERSE_JOINT + k],
             )  # fmt: skip
-            trace = (
-                c11 * a11 + c12 * a12 + c13 * a13 + c21 * a21 + c22 * a22 + c23 * a23 + c31 * a31 + c32 * a32 + c33 * a33
-            )  # fmt: skip
-            factor = 0.5 * angle_over_sine(0.25 * (3 - trace)) * b[INVERSE_JOINT + k]
-            b[K1 + k] = factor * (c21 * a31 + c22 * a32 + c23 * a33 - c31 * a21 - c32 * a22 - c33 * a23)
-            b[K2 + k] = factor * (c31 * a11 + c32 * a12 + c33 * a13 - c11 * a31 - c12 * a32 - c13 * a33)
-            b[K3 + k] = factor * (c11 * a21 + c12 * a22 + c13 * a23 - c21 * a11 - c22 * a12 - c23 * a13)
 
     @kernel
     def curvature_rate(b: Floats, n: np.uint64) -> None:
@@ -200,21 +193,13 @@ def rod_kernels(stride: int, constant_section: bool = False) -> tuple[Callable[.
 
     @kernel
     def water(b: Floats, n: np.uint64) -> None:
-        # Quadratic drag, split into normal and tangential parts at the mean tangent of the two elements of a node. v / (1 + c |v| h) is
-        # the exact solution of v' = -c |v| v, so that a whipping tip, whose drag rate exceeds 1 / h, cannot be thrown back.
+        # At the mean tangent of the two elements of a node.
         for k in range(ONE, n + ONE + ONE):
             p = k - ONE
             t1, t2, t3 = b[T1 + k] + b[T1 + p], b[T2 + k] + b[T2 + p], b[T3 + k] + b[T3 + p]
-            v1, v2, v3 = b[V1 + k], b[V2 + k], b[V3 + k]
-            along = (v1 * t1 + v2 * t2 + v3 * t3) / (t1 * t1 + t2 * t2 + t3 * t3 + 1e-300)
-            g1, g2, g3 = along * t1, along * t2, along * t3
-            h1, h2, h3 = v1 - g1, v2 - g2, v3 - g3
-            normal = b[DRAG_NORMAL + k] * np.sqrt(h1 * h1 + h2 * h2 + h3 * h3) * b[NODE_MOBILITY + k]
-            tangent = b[DRAG_TANGENT + k] * np.sqrt(g1 * g1 + g2 * g2 + g3 * g3) * b[NODE_MOBILITY + k]
-            normal, tangent = normal / (1 + normal), tangent / (1 + tangent)
-            b[V1 + k] = v1 - normal * h1 - tangent * g1
-            b[V2 + k] = v2 - normal * h2 - tangent * g2
-            b[V3 + k] = v3 - normal * h3 - tangent * g3
+            b[V1 + k], b[V2 + k], b[V3 + k] = braked(
+                b[V1 + k], b[V2 + k], b[V3 + k], t1, t2, t3, b[DRAG_NORMAL + k], b[DRAG_TANGENT + k], b[NODE_MOBILITY + k],
+            )  # fmt: skip
 
     return drift, strain, curvature, curvature_rate, moment, transport, kick, water
 
