@@ -25,7 +25,7 @@ from octoctrl.sim.scene.scene import Scene
 @pytest.fixture(scope="module")
 def plan():
     configuration = tasks.load("coil")
-    found = planner.plan(configuration.task, load_identified(configuration.arm, configuration.scene))
+    found = planner.plan(configuration.task, load_identified(configuration.arm, configuration.scene), time_limit=600.0)
     assert found.status is PlanStatus.SOLVED
     return found
 
@@ -440,6 +440,41 @@ def test_a_plan_that_is_refused_can_still_be_run():
     assert refused.status is PlanStatus.UNREACHABLE
     run = oc.execute(refused, allow_unsolved=True, patience=0.0)
     assert run.status is ExecutionStatus.FINISHED and not run.events[0].met and run.trace.twist[-1] < -0.02
+
+
+def test_a_plan_remembers_how_it_is_to_be_run(short, tmp_path):
+    plan = replace(short, feedback="open-loop", period=0.1)
+    loaded = oc.load(oc.save(tmp_path / "plan.npz", plan))
+    run = oc.execute(loaded)
+    assert run.feedback == "open-loop" and oc.execute(loaded, feedback="tvlqr").feedback == "tvlqr"
+    times = []
+    oc.execute(loaded, feedback=lambda time, observation: times.append(time) or {})
+    np.testing.assert_allclose(times, [0.0, 0.1, 0.2], atol=1e-12)
+
+
+def test_planning_takes_the_settings_of_the_task_file():
+    from octoctrl.files.configuration import parse
+
+    configuration = parse(
+        """
+        [task]
+        name = "hold"
+        [[task.phases]]
+        name = "hold"
+        duration = 0.5
+        [[task.drives]]
+        name = "pull"
+        primitive = "Shorten"
+        begins = "hold"
+        free = []
+        [run]
+        feedback = "open-loop"
+        period = "20 ms"
+        plant = "assembly-coarse"
+        """
+    )
+    plan = oc.plan(configuration)
+    assert (plan.feedback, plan.period, plan.plant) == ("open-loop", 0.02, "assembly-coarse")
 
 
 # Two clocks

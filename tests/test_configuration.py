@@ -77,7 +77,7 @@ def configurations(draw):
         arm=draw(st.sampled_from([arm, Arm(length=draw(st.floats(0.1, 4.0)), elements=draw(st.integers(8, 300)))])),
         scene=Scene(water=water),
         plan=PlanSettings(time_limit=draw(positive)),
-        run=RunSettings(feedback=draw(st.sampled_from(["tvlqr", "open-loop"]))),
+        run=RunSettings(feedback=draw(st.sampled_from(["tvlqr", "open-loop"])), period=draw(st.none() | positive)),
     )
 
 

@@ -20,7 +20,7 @@ from octoctrl.sim.body.arm import MUSCLE_GROUPS
 def coil():
     configuration = tasks.load("coil")
     identified = load_identified(configuration.arm, configuration.scene)
-    return planner.plan(configuration.task, identified), identified.model
+    return planner.plan(configuration.task, identified, time_limit=600.0), identified.model
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,7 @@ over one, and the arm's inertia takes its time."""
 def execute(
     plan: Plan,
     *,
-    feedback: Any = "tvlqr",
+    feedback: Any = None,
     plant: Any = None,
     period: float | None = None,
     patience: float | None = None,
@@ -51,14 +51,14 @@ def execute(
     Parameters
     ----------
     plan : Plan
-    feedback : {"tvlqr", "open-loop"}, Controller or callable
-        A controller of `octoctrl.planners.following.controllers`, by name, or any object of its kind. A callable gets ``(time,
-        observation)`` and returns the levels of the muscle groups: a dict of group to level, or an array (11,) or (11, n) in the order of
-        `octoctrl.sim.body.arm.MUSCLE_GROUPS`. It replaces the plan's activation.
+    feedback : {"tvlqr", "open-loop"}, Controller or callable, optional
+        The plan's own if omitted: a controller of `octoctrl.planners.following.controllers`, by name, or any object of its kind. A callable
+        gets ``(time, observation)`` and returns the levels of the muscle groups: a dict of group to level, or an array (11,) or (11, n) in
+        the order of `octoctrl.sim.body.arm.MUSCLE_GROUPS`. It replaces the plan's activation.
     plant : Plant or {"rod", "assembly", "assembly-coarse"}, optional
         A plant, which is reset, or the name of one for the plan's arm and scene; the one that the plan was made for if omitted.
     period : float, optional, s
-        Between corrections; the usual one of the plant, or `PERIOD`, if omitted.
+        Between corrections; the plan's own if omitted, or else the usual one of the plant, or `PERIOD`.
     patience : float, optional
         The share of its duration for which a phase waits for its goals, as long as it does not get farther from them (see `GRACE`). If
         omitted, `PATIENCE`; nothing in open loop and for a callable.
@@ -93,7 +93,7 @@ def execute(
         check_number("patience", patience, at_least=0.0)
     if period is not None:
         check_number("period", period, above=0.0, unit="s")
-    chosen = controller(feedback, plan)
+    chosen = controller(plan.feedback if feedback is None else feedback, plan)
     if plant is None or isinstance(plant, str):
         name = plan.plant if plant is None else plant
         warmup(name, progress)
@@ -101,8 +101,7 @@ def execute(
     # Muscles may be other than planned, which is what feedback is for; another outline is another arm.
     if any(getattr(plant.arm, name) != getattr(plan.arm, name) for name in ("length", "base_radius", "taper")):
         plan.check_arm(plant.arm)
-    if period is None:
-        period = getattr(plant, "period", PERIOD)
+    period = next(item for item in (period, plan.period, getattr(plant, "period", PERIOD)) if item is not None)
     if abs(round(period / plant.sample_interval) * plant.sample_interval - period) > 1e-9:
         raise OctoctrlError(f"period={period:g} s: needs a multiple of the plant's sample interval {plant.sample_interval:g} s")
     patience = getattr(chosen, "patience", PATIENCE) if patience is None else patience

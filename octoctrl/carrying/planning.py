@@ -1,5 +1,6 @@
 """From a task to a plan: finds the reduced model that belongs to the arm and lets the planner work."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -78,6 +79,9 @@ def plan(
         guess=guess,
         progress=progress,
     )
+    # The model may have been identified on a finer plant than the plan is carried out on.
+    run = configuration.run
+    found = replace(found, plant=run.plant if plant is None else plant, feedback=run.feedback, period=run.period)
     return found.raise_if_failed() if strict else found
 
 

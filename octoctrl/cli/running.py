@@ -34,16 +34,13 @@ def run(
     from octoctrl.planners.following.controllers import check_feedback
     from octoctrl.sim.plants import check_plant
 
-    from ..files.configuration import parse
     from ..files.store import load, read_header
     from ..files.writing import check_target
 
     if open_loop and feedback not in (None, "open-loop"):
         raise OctoctrlError(f"--open-loop and --feedback {feedback} contradict each other; give one of them")
     loaded, origin = load(plan_file, expect="Plan"), read_header(plan_file)["origin"]
-    if feedback is None:
-        written = origin.get("configuration")
-        feedback = "open-loop" if open_loop else parse(written).run.feedback if written else "tvlqr"
+    feedback = "open-loop" if open_loop else feedback or loaded.feedback
     check_feedback(feedback)
     check_plant(plant or loaded.plant)
     check_target(output, overwrite=force)

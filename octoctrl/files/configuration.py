@@ -45,14 +45,19 @@ class RunSettings:
         What corrects the activations while the plant moves.
     plant : {"rod", "assembly", "assembly-coarse"}
         What the plan is made for and carried out on: one rod, or the full arm of 197 rods.
+    period : float, s
+        Between corrections; the plant's own if none.
     """
 
     feedback: str = "tvlqr"
     plant: str = "rod"
+    period: float | None = None
 
     def __post_init__(self) -> None:
         check_feedback(self.feedback)
         check_plant(self.plant)
+        if self.period is not None:
+            check_number("period", self.period, above=0.0, unit="s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -137,7 +137,11 @@ class Plan(Record):
         Predicted topology, by the formula that also measures the plant.
     status : PlanStatus
     plant : str
-        Name of the plant that it was made for, on which the reduced model was identified.
+        Name of the plant that it was made for and is carried out on.
+    feedback : str
+        Name of the controller with which it is carried out.
+    period : float, optional, s
+        Between corrections; the plant's own if omitted.
     report : PlanReport
     """
 
@@ -150,6 +154,8 @@ class Plan(Record):
     trace: TopologyTrace
     status: PlanStatus
     plant: str = "rod"
+    feedback: str = "tvlqr"
+    period: float | None = None
     report: PlanReport = field(default_factory=PlanReport)
 
     @property
