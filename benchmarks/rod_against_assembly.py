@@ -105,7 +105,7 @@ def reduced(runs):
 def main():
     warmup("assembly")
     begin, runs = process_time(), []
-    for name, activation, duration in experiments(ARM, "assembly"):
+    for name, activation, duration in experiments(ARM):
         runs.append((name, activation, oc.make_plant("assembly", ARM).advance(activation, duration)))
     print(f"the full arm, {len(runs)} experiments: {process_time() - begin:.0f} s of processor time")
     wanted = [features(activation, recording) for _, activation, recording in runs]

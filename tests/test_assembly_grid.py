@@ -1,5 +1,7 @@
 """Grids of the assembly: other counts of muscles, ring nodes and helices than the octopus arm's."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -96,3 +98,13 @@ def test_counts_that_do_not_fit_are_refused(counts, sentence):
     with pytest.raises(OctoctrlError) as caught:
         AssemblyGrid(**{"rings": 180} | counts)
     assert sentence in str(caught.value)
+
+
+def test_the_buffer_begins_with_a_cache_line_and_its_copies_are_views_as_well():
+    buffer = new_assembly(assembly_geometry(TENTACLE, TWELVE))
+    buffer.flat[:] = np.arange(buffer.flat.size)
+    for each in (buffer, copy.deepcopy(buffer)):
+        assert each.flat.__array_interface__["data"][0] % 64 == 0
+        np.testing.assert_array_equal(each.flat, np.arange(each.flat.size))
+        each.rings[R.V1, 7] = -1.0
+        assert np.count_nonzero(each.flat == -1.0) == 1

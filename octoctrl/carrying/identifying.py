@@ -66,7 +66,7 @@ def identify(
     arm, scene = arm or Arm.octopus(), scene or Scene()
     display = progress or NullProgress()
     warmup(plant, progress)
-    runs = identification.experiments(arm, check_plant(plant).modelled_as)
+    runs = identification.experiments(arm)
     recordings, cut_short, done = [], {}, 0.0
     display.start("running the plant", sum(duration for _, _, duration in runs))
     try:

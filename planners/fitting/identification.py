@@ -199,14 +199,12 @@ class IdentifiedModel(Record):
         )
 
 
-def experiments(arm, plant="rod"):
-    """Activations for identification.
+def experiments(arm):
+    """Activations for identification, of one rod and of the full arm.
 
     Parameters
     ----------
     arm : Arm
-    plant : {"rod", "assembly"}
-        The full arm is crushed by a transverse muscle at more than some 0.2, which a rod cannot show.
 
     Returns
     -------
@@ -214,7 +212,7 @@ def experiments(arm, plant="rod"):
         Name, activation and duration (s) of each run, 20 s in all. The published coil-and-telescope programme is not among them: it
         stays held out.
     """
-    half, transverse = arm.length / 2, 0.6 if plant == "rod" else 0.1
+    half = arm.length / 2
     outer = (half, np.inf)
     runs = (
         ("oblique step and release", 2.5, (_on("R-OM", 0.3, 0.0, 0.3, 1.3),)),
@@ -222,7 +220,7 @@ def experiments(arm, plant="rod"):
         ("bend and release", 3.0, (_on("LM8 LM1 LM2", 0.3, 0.0, 0.5, 1.6),)),
         ("twist, bend, untwist", 3.0, (_on("L-OM", 0.25, 0.0, 0.4, 1.8), _on("LM4 LM5 LM6", 0.3, 0.7, 1.0))),
         ("bend, then twist", 2.5, (_on("LM8 LM1 LM2", 0.2, 0.0, 0.4), _on("L-OM", 0.25, 1.2, 0.4))),
-        ("shorten, then elongate", 2.0, (_on(" ".join(LONGITUDINAL_GROUPS), 0.2, 0.0, 0.3, 0.9), _on("TM", transverse, 1.0, 0.3))),
+        ("shorten, then elongate", 2.0, (_on(" ".join(LONGITUDINAL_GROUPS), 0.2, 0.0, 0.3, 0.9), _on("TM", 0.6, 1.0, 0.3))),
         ("half bend, half twist", 1.5, (_on("LM6 LM7 LM8", 0.3, 0.0, 0.4, window=(0.0, half)), _on("R-OM", 0.2, 0.1, 0.4, window=outer))),
         ("random levels", 3.0, _random_levels(3.0)),
     )
@@ -236,7 +234,7 @@ def first_guess(arm, plant="rod"):
     ----------
     arm : Arm
     plant : {"rod", "assembly"}
-        What `Arm.lumped` makes up for in one rod, the full arm has in bodies of their own.
+        What `Arm.lumped` makes up for in one rod, the full arm has in bodies of their own; nothing squeezes it, as it keeps its volume.
 
     Returns
     -------
@@ -245,15 +243,13 @@ def first_guess(arm, plant="rod"):
     if plant == "rod":
         return ReducedParameters()
     lumped = arm.lumped
-    return ReducedParameters(
-        oblique_passive=1 / lumped.oblique_passive, torsion=1 / lumped.torsion, ring_torsion=0.1, squeeze=0.5, tone=RESTING_TONE
-    )
+    return ReducedParameters(oblique_passive=1 / lumped.oblique_passive, torsion=1 / lumped.torsion, ring_torsion=0.1, tone=RESTING_TONE)
 
 
 def free_factors(laws, plant="rod"):
     """Names of the factors that are fitted for a kind of muscle laws and a plant, tuple of str."""
     free = KNOWN_FREE if laws == "known" else GENERIC_FREE
-    return free if plant == "rod" else (*(name for name in free if name != "torsion"), "ring_torsion", "squeeze")
+    return free if plant == "rod" else (*(name for name in free if name != "torsion"), "ring_torsion")
 
 
 def load_identified(arm, scene=None, laws="known", plant="rod"):

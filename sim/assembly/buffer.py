@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..body.grid import AssemblyGrid
+from ..contracts import Floats
 from ..physics.damping import damped
 from ..rotations import rotation_vector
 from .constants import ring_connections, ring_smoothing, slab_volumes, stiffness, straight_connections, straight_mass
@@ -60,12 +61,14 @@ class AssemblyBuffer:
         content = {item.name: getattr(self, item.name) for item in fields(self)}
         start = self.flat.__array_interface__["data"][0]
         for name, part in content.items():
-            if isinstance(part, np.ndarray) and part.base is self.flat:
+            if name != "flat" and isinstance(part, np.ndarray) and np.may_share_memory(part, self.flat):
                 content[name] = _Place((part.__array_interface__["data"][0] - start) // part.itemsize, part.shape)
         return content
 
     def __setstate__(self, content: dict[str, Any]) -> None:
         """Take up what `__getstate__` gave."""
+        flat = aligned(content["flat"].size)
+        flat[:], content["flat"] = content["flat"], flat
         for name, part in content.items():
             if isinstance(part, _Place):
                 part = content["flat"][part.start : part.start + prod(part.shape)].reshape(part.shape)
@@ -124,11 +127,22 @@ class AssemblyBuffer:
         return self.slabs[row, 1 : self.grid.rings + 1]
 
 
+CACHE_LINE = 8
+"""Numbers in a line of the processor's cache."""
+
+
+def aligned(count: int) -> Floats:
+    """So many zeros that begin with a cache line, which NumPy's arrays do not: every wide access would cross one."""
+    room = np.zeros(count + CACHE_LINE)
+    skipped = -(room.__array_interface__["data"][0] // room.itemsize) % CACHE_LINE
+    return room[skipped : skipped + count]
+
+
 def new_assembly(geometry):
     """A zeroed buffer for `geometry`, with its tables of indices."""
     grid = geometry.grid
     lanes, count = grid.lanes, grid.rings
-    flat = np.zeros(buffer_size(grid))
+    flat = aligned(buffer_size(grid))
 
     def view(start, rows, slots):
         stride = stride_of(slots, lanes)
