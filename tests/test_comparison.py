@@ -9,6 +9,7 @@ from verdict_scenes import END, RECORDED, Motion, bump, moved, plan_of, recordin
 from octoctrl.carrying.results import ExecutionStatus
 from octoctrl.judging.comparison import compare, level_delays, planned_points, rms
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.topology.trace import TopologyTrace
 
 PLANNED = Motion()
 
@@ -57,6 +58,20 @@ def test_a_change_of_a_fifth_of_a_turn_is_an_event(change, timed):
     motion = replace(PLANNED, twist=(*PLANNED.twist[:5], (6.0, 0.3 + change + 1e-12)))
     plan = plan_of(motion)
     assert ("rest.twist" in level_delays(run_of(plan, recording_of(plan.arm, motion)))) is timed
+
+
+def test_a_passage_counts_in_its_phase_and_on_a_sample():
+    """An excursion of the first phase passes the level of the second, on which a sample lies; the last change is a fifth of a turn."""
+    still = Motion(twist=((0.0, 0.0),), bend=((0.0, 0.0),))
+    knots = np.array([[0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0], [0.0, -0.5, 0.0, -0.25, -0.5, -0.5, -0.3]])
+    late = np.array([[0.0, 0.5, 1.0, 2.125, 3.0, 4.5, 6.0], knots[1]])
+    plan = plan_of(still, trace=TopologyTrace.from_lifted(time=knots[0], lifted_writhe=0 * knots[1], twist=knots[1]))
+    run = run_of(
+        plan,
+        recording_of(plan.arm, still, late[0]),
+        trace=TopologyTrace.from_lifted(time=late[0], lifted_writhe=0 * late[1], twist=late[1]),
+    )
+    assert level_delays(run) == {"curl.twist": 0.125, "rest.twist": 0.0}
 
 
 def test_the_nearest_of_several_passages_counts():

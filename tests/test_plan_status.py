@@ -1,6 +1,6 @@
 """Statuses of plans: what says SOLVED is measured again by other formulas, what misses is not SOLVED, whatever the solver says."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import plain_topology
@@ -80,6 +80,9 @@ def test_the_worst_goal_is_that_which_uses_up_most_of_its_tolerance():
     assert (wide.share, narrow.share) == (1.25, 2.0)
     assert PlanReport(goals=(wide, narrow)).worst is PlanReport(goals=(narrow, wide)).worst is narrow
     assert PlanReport().worst is None
+    blank = PlanReport()
+    given = {item.name: value for item in fields(blank) if isinstance(value := getattr(blank, item.name), float | int | str) and value}
+    assert given == {"opening": 2.0, "headroom": 1.0}
 
 
 def test_the_text_of_a_plan():
@@ -103,7 +106,11 @@ def test_a_plan_knows_its_arm():
     plan = plan_of(Motion())
     plan.check_arm(replace(plan.arm, elements=60, name="other"))
     assert plan.scene == plan.model.scene
-    other = Arm(length=0.25)
+    others = [Arm(length=length) for length in (0.21, 0.22, 0.23, 0.24, 0.25)]
+    assert {other.fingerprint > plan.arm.fingerprint for other in others} == {True, False}
+    for other in others:
+        with pytest.raises(OctoctrlError, match="re-plan or pass"):
+            plan.check_arm(other)
     with pytest.raises(OctoctrlError) as caught:
         plan.check_arm(other)
     assert str(caught.value) == (

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from octoctrl.sim.errors import OctoctrlError, OctoctrlWarning
 from octoctrl.sim.topology import measures as topology
-from octoctrl.sim.topology.inputs import unit_pole
+from octoctrl.sim.topology.inputs import AXES, unit_pole
 from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
 
 CURVE = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 1.8, 0.0], [0.6, 2.2, 0.9]])
@@ -38,6 +38,7 @@ def a_trace(**changes):
         (lambda: topology.writhe(np.zeros((4, 3))), "nodes 0 and 1 of frame 0 coincide; every segment needs a length"),
         (lambda: topology.writhe(CURVE[[0, 1, 1, 2]]), "nodes 1 and 2 of frame 0 coincide; every segment needs a length"),
         (lambda: topology.writhe([[0, 0, 0], [1, 0, 0], [1 + 1e-14, 0, 0]]), "nodes 1 and 2 of frame 0 coincide; every segment needs a length"),
+        (lambda: topology.writhe([[1, 0, 0], [0, 0, 0], [6e-13, 6e-13, 6e-13]]), "nodes 1 and 2 of frame 0 coincide; every segment needs a length"),
         (lambda: topology.writhe(1e-40 * CURVE), "points of frame 0 span 2.2e-40, 1e-30…1e+30 is allowed; choose another unit of length"),
         (lambda: topology.writhe(1e40 * CURVE), "points of frame 0 span 2.2e+40, 1e-30…1e+30 is allowed; choose another unit of length"),
         (lambda: topology.writhe([[0, 0, 0], [0, np.nan, 1]]), "points is nan at (1, 1); finite numbers are needed"),
@@ -175,6 +176,10 @@ def test_of_the_axes_the_farthest_is_taken():
             warnings.simplefilter("ignore")
             points = np.concatenate([np.zeros((1, 3)), np.cumsum(turned[1:-1, 2], axis=0)])
             assert topology.measure([0.0], points, turned).convention.pole == expected
+
+
+def test_the_poles_to_choose_from_are_the_six_axes():
+    assert sorted(AXES) == sorted(tuple(sign * row) for row in np.eye(3) for sign in (1.0, -1.0)) and AXES[0] == (0.0, 0.0, 1.0)
 
 
 def test_frames_given_as_columns_are_refused_with_the_remedy():

@@ -129,7 +129,7 @@ def level_delays(execution: Execution) -> dict[str, float]:
                 continue
             level, upward = (before + after) / 2, after > before
             wanted = _passages(plan.trace, quantity, level, upward)
-            wanted = wanted[(wanted >= begins[index]) & (wanted <= begins[index + 1])]
+            wanted = wanted[wanted >= begins[index]]  # the first lies in the phase, at whose end the level is passed
             # Phases that wait are not late: what counts is the clock's reading.
             found = np.interp(_passages(execution.trace, quantity, level, upward), execution.recording.time, execution.clock)
             delays[f"{phase}.{quantity}"] = float(np.abs(found - wanted[0]).min()) if found.size and wanted.size else inf
