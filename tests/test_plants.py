@@ -21,7 +21,6 @@ from octoctrl.judging.verification import verify
 from octoctrl.planners.fitting import identification
 from octoctrl.planners.model.parameters import ReducedParameters
 from octoctrl.planners.model.statics import CONSTANTS, section_constants
-from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.sim.assembly.layout import AssemblyRow
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import PLANTS, Plant
@@ -32,7 +31,7 @@ ARM = oc.Arm.octopus()
 @pytest.fixture(scope="module")
 def plan():
     found = oc.plan("coil", plant="assembly")
-    assert found.status is PlanStatus.SOLVED
+    assert found.status.solved
     return found
 
 

@@ -42,7 +42,7 @@ BAND = 0.1
 OPENING = 0.25
 """Smallest u of an optimised path on coarse steps."""
 
-PRECISION, VIOLATION, ITERATIONS = 5e-3, 1e-2, 10
+PRECISION, VIOLATION, ITERATIONS = 5e-3, 1e-2, 8
 """Optimality of the unknowns in units of their scale, violation of constraints in tolerances, and how many iterations there may be."""
 
 ROUNDS, SETTLED = 3, 0.05
@@ -103,7 +103,6 @@ class _Constraints(ca.Callback):
         ca.Callback.__init__(self)
         self.problem, self.grid, self.rows = problem, grid, rows
         self.raised: BaseException | None = None
-        self.last: tuple[bytes, Reading] | None = None
         # CasADi asks for it more than once and keeps none of them alive.
         self.own_jacobian = _Jacobian(self)
         self.construct("constraints", {})
@@ -114,21 +113,18 @@ class _Constraints(ca.Callback):
     def get_sparsity_out(self, index: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self.rows, 1)
 
-    def read(self, z: Any) -> Reading:
-        """The reading at scaled unknowns with its slopes: most points that are tried are taken, and then both are wanted."""
+    def read(self, z: Any, slopes: bool) -> Reading:
+        """The reading at scaled unknowns."""
         if self.raised is not None:
             raise self.raised
-        place = np.asarray(z).ravel()
-        if self.last is None or self.last[0] != place.tobytes():
-            try:
-                self.last = place.tobytes(), self.problem.read(place * self.problem.box.scale, self.grid, True)
-            except BaseException as error:  # KeyboardInterrupt too, which the optimiser would take for a point without a value
-                self.raised = error
-                raise
-        return self.last[1]
+        try:
+            return self.problem.read(np.asarray(z).ravel() * self.problem.box.scale, self.grid, slopes)
+        except BaseException as error:  # KeyboardInterrupt too, which the optimiser would take for a point without a value
+            self.raised = error
+            raise
 
     def eval(self, arguments: Sequence[Any]) -> list[ca.DM]:
-        reading = self.read(arguments[0])
+        reading = self.read(arguments[0], False)
         return [ca.DM(np.concatenate([reading.misses, reading.openings]))]
 
     def has_jacobian(self) -> bool:
@@ -154,7 +150,7 @@ class _Jacobian(ca.Callback):
         return ca.Sparsity.dense(self.constraints.rows, len(self.constraints.problem.names))
 
     def eval(self, arguments: Sequence[Any]) -> list[ca.DM]:
-        reading = self.constraints.read(arguments[0])
+        reading = self.constraints.read(arguments[0], True)
         return [ca.DM(np.concatenate([reading.miss_slopes, reading.opening_slopes]) * self.constraints.problem.box.scale)]
 
 

@@ -73,6 +73,7 @@ class Search:
 
     def __init__(self, problem: Problem, stop: Stop, tell: Callable[[int, float], None] = lambda _start, _miss: None) -> None:
         self.problem, self.stop, self.tell = problem, stop, tell
+        problem.work = 0.0
         self.best: tuple[float, Floats] | None = None
         self.found: Found | None = None
         self.starts = self.iterations = 0
@@ -80,6 +81,10 @@ class Search:
     def read(self, x: Floats, step: float = FINE) -> Reading:
         """What unknowns lead to, on steps of at most `step`."""
         return self.problem.read(x, self.problem.grid(x, step))
+
+    def over(self) -> bool:
+        """Whether time is up, or the work is used up by half as much again."""
+        return self.stop() or self.problem.work > 1.5 * WORK
 
     def fitted(self, x: Floats, step: float, iterations: int, offset: Floats | float = 0.0) -> Floats:
         """Unknowns after a fit on steps of `step`, whose number stays what it is at its begin; `offset` is added to the misses."""
@@ -93,7 +98,7 @@ class Search:
             reading = read(tried, True)
             return reading.rows, reading.slopes
 
-        ended = fit(lambda tried: read(tried, False).rows, slopes, x, problem.box, iterations=iterations, stop=self.stop)
+        ended = fit(lambda tried: read(tried, False).rows, slopes, x, problem.box, iterations=iterations, stop=self.over)
         self.iterations += ended.iterations
         return ended.x
 
@@ -104,7 +109,7 @@ class Search:
         """
         best = x, self.read(x)
         for step, iterations in ((COARSE, 5), (COARSE, 5), (COARSE, 5), (MIDDLE, 6)):
-            if best[1].worst < ENOUGH or best[1].worst > 8 or self.stop():
+            if best[1].worst < ENOUGH or best[1].worst > 8 or self.over():
                 break
             grid = self.problem.grid(best[0], step)
             offset = self.problem.offset((grid, self.problem.read(best[0], grid)), (self.problem.grid(best[0], FINE), best[1]))
@@ -142,7 +147,6 @@ class Search:
         -------
         Found
         """
-        self.problem.work = 0.0
         if not self.attempt(first):
             for start in self.programmes():
                 if self.stop() or self.problem.work > WORK or self.attempt(start):
