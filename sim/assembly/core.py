@@ -21,6 +21,7 @@ from ..errors import OctoctrlError, check_number
 from ..findings import Finding, Stop
 from ..physics.fibre_kernels import law_constants
 from ..running.clock import Clock, StepLimit
+from ..scene.loads import TORQUE, TWIST
 from ..scene.scene import Scene
 from .buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .constants import fibre_laws, thin_ring_limit
@@ -37,12 +38,15 @@ TONE_RAMP = 0.01
 
 
 @cache
-def compiled(grid: AssemblyGrid, inclination: float, published: bool = False, traits: Traits = PLAIN) -> Callable[..., Any]:
+def compiled(
+    grid: AssemblyGrid, inclination: float, published: bool = False, traits: Traits = PLAIN, loaded: bool = False
+) -> Callable[..., Any]:
     """The compiled loop of an assembly, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
     from .stepping import assembly_stepper
     from .terms import hydrostat_terms, published_terms
 
-    return assembly_stepper(grid, published_terms(grid, traits, inclination) if published else hydrostat_terms(grid, traits))
+    terms = published_terms(grid, traits, inclination, loaded) if published else hydrostat_terms(grid, traits, loaded)
+    return assembly_stepper(grid, terms, loaded)
 
 
 def _at_spokes(levels: Floats, spokes: int) -> Floats:
@@ -85,7 +89,7 @@ class AssemblyCore:
         If an argument is out of range or the arm's fibres do not fit the grid.
     """
 
-    loadable = False
+    loadable = True
     period = 0.025
     """The full arm, which its reduced model describes less well than that of one rod, is corrected more often."""
 
@@ -219,7 +223,7 @@ class AssemblyCore:
 
     def _move(self, first: int, inputs: State, clock: Clock, *, watch: bool) -> Motion:
         """Move on, with the guard after every sample or, if asked to `watch`, after every step."""
-        along, n, rods = inputs["arm"], self.elements, self.rods
+        along, loads, n, rods = inputs["arm"], inputs.get("loads"), self.elements, self.rods
         samples = len(along) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         volumes = np.empty((samples, n))
@@ -234,16 +238,26 @@ class AssemblyCore:
         for group in layout.oblique:
             oblique[:, 0 if group.hand > 0 else 1] = inputs["oblique"][:, layout.index(group.name)]
         with BUILDING:
-            step = compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits)
+            step = compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits, loads is not None)
         if self.paper_compatible:
             set_filter_masks(rods)
         done, finding, family, where = step(
             rods.flat, self._h, clock.steps, longitudinal, oblique, transverse, self._laws, self._drag,
-            rods.ring_index, rods.helix_index, points, frames, stretch, volumes, watch,
+            rods.ring_index, rods.helix_index, points, frames, stretch, volumes, *self._carried(loads), watch,
         )  # fmt: skip
         rod, element = self.place(family, int(where)) if finding else ("", 0)
         series = self._volumes(volumes[:done])
         return Motion(points[:done], frames[:done], stretch[:done], series, Finding(finding), rod, element)
+
+    def _carried(self, loads: Floats | None) -> tuple[Floats, Floats, Floats]:
+        """Loads, the shares of them that cord and muscles carry, by their areas, and a place for the forces on their nodes."""
+        rods, grid = self.geometry.straight, self.grid
+        if loads is None:
+            return np.zeros((1, 2, 3, 1)), np.zeros((1, 1)), np.zeros((3, 1))
+        if loads[:, TORQUE].any() or loads[:, TWIST:].any():
+            raise OctoctrlError("the full arm carries forces only; give a torque as two forces, or take the plant 'rod'")
+        area = np.concatenate([rods.area, rods.area[:, -1:]], axis=1)
+        return loads, area / area.sum(axis=0), np.zeros((3, grid.straight_rods * grid.lanes))
 
     def explain(self, before: State, first: int, inputs: State, motion: Motion, clock: Clock) -> Stop:
         """Go again and look after every step where it began: within a sample the damage spreads over the whole arm."""

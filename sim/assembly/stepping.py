@@ -10,6 +10,7 @@ import numpy as np
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from .family_kernels import family_kernels, family_offsets
+from .outside_kernels import outside_kernels
 from .pressure_kernels import pressure_kernels, slab_offsets
 from .terms import Step, Terms
 
@@ -51,16 +52,17 @@ def mover(grid: AssemblyGrid):
     return move
 
 
-def assembly_stepper(grid: AssemblyGrid, terms: Terms):
+def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False):
     """Compile the loop of an assembly.
 
     Returns
     -------
     advance : compiled function
         ``advance(buffer, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch,
-        volumes, watch)`` with levels (samples + 1, straight rods, N), the cord's first, (samples + 1, 2, helix elements) and
-        (samples + 1, N), linear in time between samples; for the others see `Step`; `watch` asks for the guard at every step. Fills the
-        cord's nodes, frames and stretch and the slabs' volumes, (samples, N); returns
+        volumes, loads, shares, outside, watch)`` with levels (samples + 1, straight rods, N), the cord's first, (samples + 1, 2, helix
+        elements) and (samples + 1, N), linear in time between samples; `loads` as in `octoctrl.sim.scene.loads.sampled_loads`, of which
+        each straight rod carries its `shares` (straight rods, N + 1); for the others see `Step`; `watch` asks for the guard at every
+        step. Fills the cord's nodes, frames and stretch and the slabs' volumes, (samples, N); returns
         ``(samples done, finding, family, index in row)``.
     """
     o, g = family_offsets(grid, False), family_offsets(grid, True)
@@ -76,6 +78,7 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms):
     V, RING_V = tuple(o[f"V{i}"] for i in (1, 2, 3)), tuple(g[f"V{i}"] for i in (1, 2, 3))
     STRETCH, LENGTH, RING_STRETCH, RING_X = o["STRETCH"], o["LENGTH"], g["STRETCH"], g["X1"]
     VOLUME = slab_offsets(grid)["VOLUME"]
+    find, _ = outside_kernels(grid)
     force, move, (measure, _, _) = in_order(list(terms.values())), mover(grid), pressure_kernels(grid, False)
 
     @kernel
@@ -133,14 +136,17 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms):
 
     @kernel
     def advance(
-        b, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch, volumes, watch
-    ):
-        step = Step(h, laws, drag, ring_index, helix_index)
+        b, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch, volumes,
+        loads, shares, outside, watch,
+    ):  # fmt: skip
+        step = Step(h, laws, drag, ring_index, helix_index, outside)
         for sample in range(points.shape[0]):
             set_levels(b, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
             set_levels(b, AFTER, RING_AFTER, longitudinal[sample + 1], oblique[sample + 1], transverse[sample + 1])
             move(b, 0.5 * h)
             for number in range(steps):
+                if loaded:
+                    find(b, outside, shares, loads[sample], loads[sample + 1], (number + 0.5) / steps)
                 force(b, (number + 0.5) / steps, step)
                 move(b, h if number + 1 < steps else 0.5 * h)
                 if watch:

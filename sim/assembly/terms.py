@@ -15,6 +15,7 @@ from .between_kernels import between_kernels
 from .crossing_kernels import crossing_kernels
 from .family_kernels import cord_brake, family_kernels, family_offsets, open_solver, ring_solver, ring_spin_brake
 from .joint_kernels import RESULTS, load_kernels, ring_joints
+from .outside_kernels import outside_kernels
 from .pressure_kernels import pressure_kernels
 from .published_joint_kernels import RESULTS as PUBLISHED_RESULTS
 from .published_joint_kernels import even_repulsion, published_ring_joints, squeeze_kernels
@@ -35,6 +36,10 @@ Terms = dict[str, Any]
 """Compiled terms by name, in the order of a step."""
 
 
+NOTHING = np.zeros((3, 1))
+"""Forces of no loads."""
+
+
 class Step(NamedTuple):
     """What the terms of a step are given beside the buffer.
 
@@ -47,6 +52,8 @@ class Step(NamedTuple):
         Normal and tangential drag of the muscles, kg/m^3; linear drag of helices and rings in the published numerics, 1/s.
     ring_index, helix_index : (places, helices * lanes) uint64
         Where the crossings find their nodes.
+    outside : (3, straight rods * lanes) float64
+        Forces of loads from outside on the nodes of cord and muscles, N, if there are any.
     """
 
     h: float
@@ -54,9 +61,10 @@ class Step(NamedTuple):
     drag: tuple
     ring_index: np.ndarray
     helix_index: np.ndarray
+    outside: np.ndarray = NOTHING
 
 
-def hydrostat_terms(grid: AssemblyGrid, traits: Traits) -> Terms:
+def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) -> Terms:
     """Terms of the default numerics: joints with a potential, slabs that keep their volume, implicit muscle viscosity."""
     gather, (cord, neighbours), (ring_muscle, ring_ring) = gather_kernel(grid, "REST_RADIUS"), side_kernels(grid, False), ring_joints(grid)
     beside, collect, (load, hand_on), share_out = (
@@ -124,6 +132,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits) -> Terms:
         "contacts": contacts,
         "sums": sums,
         "pressure": pressure,
+        **_loads(grid, loaded),
         "ring spin": _ring_spin(grid, rings),
         "keep": keep,
         "kick": _kick(grid, rods, rings),
@@ -134,7 +143,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits) -> Terms:
     })  # fmt: skip
 
 
-def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float) -> Terms:
+def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, loaded: bool = False) -> Terms:
     """Terms of the published numerics, for an `inclination` (rad) of the longitudinal muscles."""
     gather, (cord, neighbours) = gather_kernel(grid, "RADIUS"), side_kernels(grid, True)
     ring_muscle, ring_ring = published_ring_joints(grid, inclination)
@@ -181,10 +190,24 @@ def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float) -> T
         "drag": drag,
         "spokes": spokes,
         "sums": sums,
+        **_loads(grid, loaded),
         "ring spin": _ring_spin(grid, rings),
         "kick": _kick(grid, rods, rings),
     }
     return _slid(grid, traits, terms) | {"smooth": smooth}
+
+
+def _loads(grid: AssemblyGrid, loaded: bool) -> Terms:
+    """The term of loads from outside, if there are any."""
+    if not loaded:
+        return {}
+    _, add = outside_kernels(grid)
+
+    @kernel
+    def loads(b, share, step):
+        add(b, step.outside)
+
+    return {"loads": loads}
 
 
 def _slid(grid, traits, terms):

@@ -1,0 +1,59 @@
+"""Loads from outside on the full arm in compiled code: forces on the cord and the muscles of a section, by their shares of it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..body.grid import AssemblyGrid
+from ..compiler import kernel
+from ..scene.loads import FAR, FORCE, NEAR
+from .family_kernels import family_offsets
+
+ONE = np.uint64(1)
+
+
+def outside_kernels(grid: AssemblyGrid) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Compile what finds the forces of loads, and what adds them to all others.
+
+    Parameters
+    ----------
+    grid : AssemblyGrid
+
+    Returns
+    -------
+    find : compiled function
+        ``find(buffer, outside, shares, before, after, share)`` fills `outside` (3, straight rods * lanes) with forces on nodes, from the
+        sampled loads (2 or 5, 3, n + 1) before and after, of which the latter counts by `share`; forces that follow the arm turn with the
+        frames of the cord; `shares` (straight rods, n + 1) says what each rod carries.
+    add : compiled function
+        ``add(buffer, outside)``.
+    """
+    o = family_offsets(grid, False)
+    F, Q = tuple(o[f"F{i}"] for i in (1, 2, 3)), tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
+    rods, lanes, n = grid.straight_rods, np.uint64(grid.lanes), np.uint64(grid.rings)
+
+    @kernel
+    def find(b, outside, shares, before, after, share):
+        follows = before.shape[0] > NEAR
+        for c in range(3):
+            for k in range(ONE, n + ONE + ONE):
+                force = (1 - share) * before[FORCE, c, k - ONE] + share * after[FORCE, c, k - ONE]
+                if follows:
+                    for d in range(3):
+                        if k <= n:
+                            near = (1 - share) * before[NEAR, d, k - ONE] + share * after[NEAR, d, k - ONE]
+                            force += near * b[Q[3 * d + c] + k]
+                        if k > ONE:
+                            far = (1 - share) * before[FAR, d, k - ONE - ONE] + share * after[FAR, d, k - ONE - ONE]
+                            force += far * b[Q[3 * d + c] + k - ONE]
+                for rod in range(rods):
+                    outside[c, np.uint64(rod) * lanes + k] = shares[rod, k - ONE] * force
+
+    @kernel
+    def add(b, outside):
+        for c in range(3):
+            for k in range(outside.shape[1]):
+                b[F[c] + np.uint64(k)] += outside[c, k]
+
+    return find, add
