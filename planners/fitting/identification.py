@@ -12,24 +12,30 @@ curvature goes with the inverse of the radius, and its size at the thin tip woul
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_number
 from octoctrl.sim.records import Record
+from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.scene.scene import Scene
 
 from ..model.kinematics import element_lengths, rotation_vectors, section_bounds
 from ..model.parameters import ReducedParameters, factor_indices
 from ..model.reach import ReachLimits
 from ..model.reduced import ReducedModel
+
+Floats = NDArray[np.float64]
 
 INTERVAL = 0.06
 """Time between compared instants, s; also the model's step while it is fitted."""
@@ -82,7 +88,7 @@ class ValidityRegion:
     bend: float
     stretch: tuple[float, float]
 
-    def outside(self, arm, strains, levels, margin=0.05):
+    def outside(self, arm: Arm, strains: ArrayLike, levels: ArrayLike, margin: float = 0.05) -> tuple[str, ...]:
         """Sentences on what of a motion lies outside the region, by more than `margin` of its size; empty if nothing does.
 
         Parameters
@@ -135,20 +141,20 @@ class IdentifiedModel(Record):
 
     model: ReducedModel
     names: tuple[str, ...]
-    covariance: np.ndarray
+    covariance: Floats
     residual_rms: float
     validity: ValidityRegion
     reach: ReachLimits
     fingerprint: str
     plant: str = "rod"
-    statistics: dict = field(default_factory=dict)
+    statistics: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def deviations(self):
-        """Standard deviation of each fitted factor, dict of str to float."""
+    def deviations(self) -> dict[str, float]:
+        """Standard deviation of each fitted factor."""
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
-    def save(self, path):
+    def save(self, path: str | Path) -> None:
         """Write everything but arm and scene to a ``.json`` file."""
         content = {
             "arm": self.fingerprint,
@@ -166,7 +172,7 @@ class IdentifiedModel(Record):
         Path(path).write_text(json.dumps(content, indent=1), encoding="utf-8")
 
     @classmethod
-    def load(cls, path, arm, scene=None):
+    def load(cls, path: str | Path, arm: Arm, scene: Scene | None = None) -> "IdentifiedModel":
         """Read a file written by `save`.
 
         Raises
@@ -179,6 +185,7 @@ class IdentifiedModel(Record):
             raise OctoctrlError(
                 f"{path}: identified for an arm with hash {content['arm']}, this arm '{arm.name}' has {arm.fingerprint}; identify again"
             )
+        reach: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in content["reach"].items()}
         validity = content["validity"] | {"stretch": tuple(content["validity"]["stretch"])}
         return cls(
             model=ReducedModel(
@@ -192,14 +199,14 @@ class IdentifiedModel(Record):
             covariance=np.array(content["covariance"]),
             residual_rms=content["residual_rms"],
             validity=ValidityRegion(**validity),
-            reach=ReachLimits(**{key: tuple(value) if isinstance(value, list) else value for key, value in content["reach"].items()}),
+            reach=ReachLimits(**reach),
             fingerprint=content["arm"],
             plant=content.get("plant", "rod"),
             statistics=content["statistics"],
         )
 
 
-def experiments(arm):
+def experiments(arm: Arm) -> tuple[tuple[str, Activation, float], ...]:
     """Activations for identification, of one rod and of the full arm.
 
     Parameters
@@ -214,7 +221,7 @@ def experiments(arm):
     """
     half = arm.length / 2
     outer = (half, np.inf)
-    runs = (
+    runs: tuple[tuple[str, float, tuple[Plateau, ...]], ...] = (
         ("oblique step and release", 2.5, (_on("R-OM", 0.3, 0.0, 0.3, 1.3),)),
         ("oblique stairs", 2.5, (_on("L-OM", 0.15, 0.0, 0.3), _on("L-OM", 0.35, 1.2, 0.3))),
         ("bend and release", 3.0, (_on("LM8 LM1 LM2", 0.3, 0.0, 0.5, 1.6),)),
@@ -227,7 +234,7 @@ def experiments(arm):
     return tuple((name, Activation(templates=templates, composition="max"), duration) for name, duration, templates in runs)
 
 
-def first_guess(arm, plant="rod"):
+def first_guess(arm: Arm, plant: str = "rod") -> ReducedParameters:
     """Factors from which identification starts.
 
     Parameters
@@ -246,13 +253,13 @@ def first_guess(arm, plant="rod"):
     return ReducedParameters(oblique_passive=1 / lumped.oblique_passive, torsion=1 / lumped.torsion, ring_torsion=0.1, tone=RESTING_TONE)
 
 
-def free_factors(laws, plant="rod"):
+def free_factors(laws: str, plant: str = "rod") -> tuple[str, ...]:
     """Names of the factors that are fitted for a kind of muscle laws and a plant, tuple of str."""
     free = KNOWN_FREE if laws == "known" else GENERIC_FREE
     return free if plant == "rod" else (*(name for name in free if name != "torsion"), "ring_torsion")
 
 
-def load_identified(arm, scene=None, laws="known", plant="rod"):
+def load_identified(arm: Arm, scene: Scene | None = None, laws: str = "known", plant: str = "rod") -> IdentifiedModel:
     """The model that comes with octoctrl for an arm, or one without identified factors if the arm is another one.
 
     Parameters
@@ -283,7 +290,18 @@ def load_identified(arm, scene=None, laws="known", plant="rod"):
     )
 
 
-def identify(recordings, arm=None, scene=None, *, laws="known", plant="rod", start=None, free=None, sections=8, max_evaluations=15):
+def identify(
+    recordings: Sequence[tuple[Activation, Recording]],
+    arm: Arm | None = None,
+    scene: Scene | None = None,
+    *,
+    laws: str = "known",
+    plant: str = "rod",
+    start: ReducedParameters | None = None,
+    free: Sequence[str] | None = None,
+    sections: int = 8,
+    max_evaluations: int = 15,
+) -> IdentifiedModel:
     """Fit the factors of the reduced model to recorded runs.
 
     Parameters
@@ -326,12 +344,12 @@ def identify(recordings, arm=None, scene=None, *, laws="known", plant="rod", sta
     runs = [_Run(model, activation, recording) for activation, recording in recordings]
     base, compared = model.parameters.vector(), sum(run.measured.size for run in runs)
 
-    def adjusted(factors):
+    def adjusted(factors: Floats) -> ReducedModel:
         vector = base.copy()
         vector[indices] *= factors
         return replace(model, parameters=ReducedParameters.from_vector(vector))
 
-    def residual(factors):
+    def residual(factors: Floats) -> Floats:
         candidate = adjusted(factors)
         return np.concatenate([PRIOR * compared * (factors - 1), *(run.residual(candidate) for run in runs)])
 
@@ -374,7 +392,7 @@ def identify(recordings, arm=None, scene=None, *, laws="known", plant="rod", sta
 class _Run:
     """One recording, reduced to what the fit compares."""
 
-    def __init__(self, model, activation, recording):
+    def __init__(self, model: ReducedModel, activation: Activation, recording: Recording) -> None:
         time = np.asarray(recording.time, dtype=float)
         count = int((time[-1] - time[0]) / INTERVAL + 1e-9)
         if count < 2:
@@ -389,19 +407,19 @@ class _Run:
         self.levels = model.levels(activation, time[picked[1:]])
         self.measured = self._features(frames[1:], stretch[1:] @ element_lengths(self.stations) / model.arm.length)
 
-    def _features(self, frames, stretch):
+    def _features(self, frames: Floats, stretch: Floats) -> Floats:
         turns = rotation_vectors(frames[:, :-1] @ np.swapaxes(frames[:, 1:], -1, -2))[..., 2]
         twist = np.cumsum(turns, axis=1)[:, self.compared - 1] / (2 * np.pi)
         tangents = frames[:, self.compared, 2].reshape(len(frames), -1)
         return np.concatenate([tangents / np.sqrt(3 * COMPARED), 2 * twist / np.sqrt(COMPARED), 0.5 * stretch[:, None]], axis=1)
 
-    def residual(self, model):
+    def residual(self, model: ReducedModel) -> Floats:
         strains = model.simulate(self.levels, self.steps, start=self.start).strains[1:]
         predicted = self._features(model.frames(strains, self.stations), strains[..., 3] @ model.shares)
         return np.nan_to_num(predicted - self.measured, nan=10.0, posinf=10.0, neginf=-10.0).ravel()
 
 
-def _visited(model, runs):
+def _visited(model: ReducedModel, runs: "Sequence[_Run]") -> ValidityRegion:
     levels = [run.levels for run in runs]
     peaks = np.max([part.max(axis=(0, 2)) for part in levels], axis=0)
     rates = [np.abs(np.diff(run.levels, axis=0) / run.steps[1:, None, None]).max(initial=0.0) for run in runs]
@@ -414,7 +432,7 @@ def _visited(model, runs):
     )
 
 
-def _extent(arm, strains):
+def _extent(arm: Arm, strains: ArrayLike) -> tuple[float, float, float]:
     """Largest bending strain, smallest and largest stretch of section strains (T, S, 4)."""
     strains = np.asarray(strains)
     bounds = section_bounds(arm, strains.shape[-2])
@@ -423,11 +441,13 @@ def _extent(arm, strains):
     return float(bend.max()), float(strains[..., 3].min()), float(strains[..., 3].max())
 
 
-def _on(groups, level, onset, rise, offset=np.inf, window=(0.0, np.inf)):
+def _on(
+    groups: str, level: float, onset: float, rise: float, offset: float = np.inf, window: tuple[float, float] = (0.0, np.inf)
+) -> Plateau:
     return Plateau(groups=tuple(groups.split()), level=level, onset=onset, rise=RAMP * rise, offset=offset, fall=RAMP * 0.4, window=window)
 
 
-def _random_levels(duration, dwell=0.6):
+def _random_levels(duration: float, dwell: float = 0.6) -> tuple[Plateau, ...]:
     """Levels of a twisting and a bending group that change every `dwell` seconds; the same ones every time."""
     draw = np.random.default_rng(2024)
     sides = tuple(" ".join((first, second)) for first, second in pairwise((*LONGITUDINAL_GROUPS, "LM1")))
@@ -439,5 +459,5 @@ def _random_levels(duration, dwell=0.6):
     return tuple(templates)
 
 
-def _versions():
+def _versions() -> dict[str, str]:
     return {name: version(name) for name in ("octoctrl", "casadi", "numpy", "scipy")}

@@ -1,18 +1,24 @@
 """The buffer of an assembly, filled from geometry: states at rest, stiffnesses, masses, connection constants, damping for a time step."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from enum import IntEnum
 from math import prod, tan, tau
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..body.arm import Arm
 from ..body.grid import AssemblyGrid
 from ..contracts import Floats
 from ..physics.damping import damped
 from ..rotations import rotation_vector
-from .constants import ring_connections, ring_smoothing, slab_volumes, stiffness, straight_connections, straight_mass
+from ..scene.scene import Water
+from .constants import Stiffness, ring_connections, ring_smoothing, slab_volumes, stiffness, straight_connections, straight_mass
 from .crossing_kernels import crossing_offsets
 from .family_kernels import family_offsets
+from .geometry import AssemblyGeometry, RodFamily
 from .layout import STATE_ROWS, AssemblyRow, CrossingRow, SlabRow, SpokeRow, stride_of
 from .pressure_kernels import buffer_size, slab_offsets
 from .spoke_kernels import spoke_offsets
@@ -74,11 +80,11 @@ class AssemblyBuffer:
                 part = content["flat"][part.start : part.start + prod(part.shape)].reshape(part.shape)
             setattr(self, name, part)
 
-    def state(self):
+    def state(self) -> tuple[Floats, Floats]:
         """Copies of the state rows of open rods and rings."""
         return self.open_rods[:STATE_ROWS].copy(), self.rings[:STATE_ROWS].copy()
 
-    def restore(self, state):
+    def restore(self, state: Sequence[Floats]) -> None:
         """Write back what `state` returned, and clear what a diverged step may have left in the scratch."""
         for rows in (self.open_rods, self.rings):
             rows[R.STRETCH :] = 0.0
@@ -87,42 +93,42 @@ class AssemblyBuffer:
         self.crossings[: CrossingRow.A_RADIUS], self.crossings[CrossingRow.FA1 :], self.slabs[SlabRow.A1 :] = 0.0, 0.0, 0.0
         self.open_rods[:STATE_ROWS], self.rings[:STATE_ROWS] = state
 
-    def straight(self, row, nodes=False):
+    def straight(self, row: int, nodes: bool = False) -> Floats:
         """View (straight rods, n) of one `row` of the straight rods, n + 1 wide for `nodes`."""
         grid = self.grid
         wide = self.open_rods[row, : grid.straight_rods * grid.lanes].reshape(grid.straight_rods, grid.lanes)
         return wide[:, 1 : grid.rings + int(nodes) + 1]
 
-    def oblique(self, row, nodes=False):
+    def oblique(self, row: int, nodes: bool = False) -> Floats:
         """View (helices, n) of one `row` of the helices, n + 1 wide for `nodes`."""
         grid = self.grid
         wide = self.open_rods[row, grid.straight_rods * grid.lanes : grid.open_slots * grid.lanes].reshape(grid.helices, -1)
         return wide[:, 1 : grid.helix_elements + int(nodes) + 1]
 
-    def ring(self, row):
+    def ring(self, row: int) -> Floats:
         """View (N, ring nodes) of one `row` of the rings."""
         grid = self.grid
         inner = self.rings[row, grid.lanes : (grid.ring_nodes + 1) * grid.lanes].reshape(grid.ring_nodes, grid.lanes)
         return inner[:, 1 : grid.rings + 1].T
 
-    def spoke(self, row):
+    def spoke(self, row: int) -> Floats:
         """View (spokes, N) of one `row` of the spokes."""
         grid = self.grid
         inner = self.spokes[row, grid.first_spoke * grid.lanes : (grid.first_spoke + grid.spokes) * grid.lanes]
         return inner.reshape(grid.spokes, grid.lanes)[:, 1 : grid.rings + 1]
 
-    def straight_sum(self, row):
+    def straight_sum(self, row: int) -> Floats:
         """View (straight rods, N) of what the spokes' result `row` sums up to on the cord and each muscle."""
         grid = self.grid
         inner = self.spokes[row, (grid.first_spoke - 1) * grid.lanes : (grid.first_spoke + grid.spokes) * grid.lanes]
         return inner.reshape(grid.straight_rods, grid.lanes)[:, 1 : grid.rings + 1]
 
-    def crossing(self, row):
+    def crossing(self, row: int) -> Floats:
         """View (helices, N) of one `row` of the crossings."""
         grid = self.grid
         return self.crossings[row, : grid.helices * grid.lanes].reshape(grid.helices, grid.lanes)[:, 1 : grid.rings + 1]
 
-    def slab(self, row):
+    def slab(self, row: int) -> Floats:
         """View (N,) of one `row` of the slabs."""
         return self.slabs[row, 1 : self.grid.rings + 1]
 
@@ -138,13 +144,13 @@ def aligned(count: int) -> Floats:
     return room[skipped : skipped + count]
 
 
-def new_assembly(geometry):
+def new_assembly(geometry: AssemblyGeometry) -> AssemblyBuffer:
     """A zeroed buffer for `geometry`, with its tables of indices."""
     grid = geometry.grid
     lanes, count = grid.lanes, grid.rings
     flat = aligned(buffer_size(grid))
 
-    def view(start, rows, slots):
+    def view(start: Any, rows: type[IntEnum], slots: int) -> Floats:
         stride = stride_of(slots, lanes)
         return flat[int(start) : int(start) + len(rows) * stride].reshape(len(rows), stride)
 
@@ -175,12 +181,12 @@ def new_assembly(geometry):
     return buffer
 
 
-def _node_before(geometry):
+def _node_before(geometry: AssemblyGeometry) -> NDArray[np.int64]:
     """Ring node at which helix j meets ring i, or the last one before, (helices, N) int."""
     return np.floor(geometry.oblique_nodes + 1e-9).astype(int)
 
 
-def set_rest(buffer, geometry):
+def set_rest(buffer: AssemblyBuffer, geometry: AssemblyGeometry) -> None:
     """Put all rods to rest in their initial places; ghosts go on along the end edges."""
     grid, lanes = buffer.grid, buffer.grid.lanes
     buffer.open_rods[:STATE_ROWS], buffer.rings[:STATE_ROWS] = 0.0, 0.0
@@ -201,7 +207,7 @@ def set_rest(buffer, geometry):
         _set_ring(buffer, row, values)
 
 
-def _set_ring(buffer, row, values, ghost=None):
+def _set_ring(buffer: AssemblyBuffer, row: int, values: Floats, ghost: float | None = None) -> None:
     """Write values (N, ring nodes) into a row of the rings, with copies in the ghost lanes (or `ghost`) and the seam's slots."""
     grid = buffer.grid
     padded = np.empty((grid.ring_slots, grid.lanes))
@@ -213,7 +219,7 @@ def _set_ring(buffer, row, values, ghost=None):
     buffer.rings[row, : padded.size] = padded.ravel()
 
 
-def set_filter_masks(buffer):
+def set_filter_masks(buffer: AssemblyBuffer) -> None:
     """Mark the inner nodes (row YIELD) and inner elements (row RATE) of the open rods for the published velocity filter."""
     for view in (buffer.straight, buffer.oblique):
         view(R.YIELD, True)[:] = view(R.RATE)[:] = 0.0
@@ -221,7 +227,9 @@ def set_filter_masks(buffer):
         view(R.RATE)[:, 1:-1] = 1.0
 
 
-def fill_parameters(buffer, arm, geometry, h, water, published=False):
+def fill_parameters(
+    buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeometry, h: float, water: Water | None, published: bool = False
+) -> None:
     """Write all parameters for time step `h` (s) in `water` (or None).
 
     The `published` numerics raise no inertia, soften no contact and take the linear drag elsewhere.
@@ -243,21 +251,24 @@ def fill_parameters(buffer, arm, geometry, h, water, published=False):
     rows[R.STRETCH] = buffer.rings[R.STRETCH] = 1.0
     _fill_rings(buffer, arm, geometry.rings, h, rates[2], soften, 1 if held else 0)
     if anatomy.traits.graded:
-        strength, pace = arm.ring_grades(geometry.grid.rings)
+        graded: Any = arm  # an arm with this trait knows them
+        strength, pace = graded.ring_grades(geometry.grid.rings)
         _set_ring(buffer, R.STRENGTH, strength[:, None])
         _set_ring(buffer, R.PACE, pace[:, None])
     _fill_connections(buffer, arm, geometry, soften)
     _fill_slabs(buffer, arm, geometry, h)
 
 
-def _inertia(stiff, family, h):
+def _inertia(stiff: Stiffness, family: RodFamily, h: float) -> tuple[Floats, Floats]:
     length = family.length
     bending = np.maximum(stiff.inertia, (stiff.shear * length + 4 * stiff.bend / length) * (INERTIA_FLOOR * h) ** 2)
     twisting = np.maximum(2 * stiff.inertia, 4 * stiff.twist / length * (INERTIA_FLOOR * h) ** 2)
     return bending, twisting
 
 
-def _fill_open(buffer, arm, family, view, h, rate, floor, mass, held):
+def _fill_open(
+    buffer: AssemblyBuffer, arm: Arm, family: RodFamily, view: Any, h: float, rate: float, floor: float, mass: Floats, held: int | None
+) -> None:
     """The first nodes of so many rods (None: of all) are `held`, and all rods' first elements."""
     stiff, length = stiffness(arm, family), family.length
     bending, twisting = _inertia(stiff, family, floor)
@@ -283,7 +294,7 @@ def _fill_open(buffer, arm, family, view, h, rate, floor, mass, held):
     _set_spin(view, family, bending, twisting, rate, h, np.s_[:, 0])
 
 
-def _set_spin(view, family, bending, twisting, rate, h, held):
+def _set_spin(view: Any, family: RodFamily, bending: Floats, twisting: Floats, rate: float, h: float, held: Any) -> None:
     for inertia, decay_row, mobility_row in ((bending, R.BEND_DECAY, R.BEND_MOBILITY), (twisting, R.TWIST_DECAY, R.TWIST_MOBILITY)):
         mass = family.element_mass
         if family.tip_mass is not None:
@@ -293,7 +304,7 @@ def _set_spin(view, family, bending, twisting, rate, h, held):
         view(decay_row)[:], view(mobility_row)[:] = decay, weight / inertia
 
 
-def _fill_rings(buffer, arm, family, h, rate, floor, held):
+def _fill_rings(buffer: AssemblyBuffer, arm: Arm, family: RodFamily, h: float, rate: float, floor: float, held: int) -> None:
     """The first so many rings are `held`."""
     stiff, length = stiffness(arm, family), family.length
     bending, twisting = _inertia(stiff, family, floor)
@@ -321,7 +332,7 @@ def _fill_rings(buffer, arm, family, h, rate, floor, held):
     _set_spin(buffer.ring, family, bending, twisting, rate, h, np.s_[:held])
 
 
-def _fill_connections(buffer, arm, geometry, h):
+def _fill_connections(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeometry, h: float) -> None:
     sides, ring = straight_connections(arm, geometry), ring_connections(arm, geometry)
     S, C, grid = SpokeRow, CrossingRow, geometry.grid
     for letter, pairs in (("C", slice(0, grid.spokes)), ("N", slice(grid.spokes, None))):
@@ -357,7 +368,7 @@ def _fill_connections(buffer, arm, geometry, h):
     buffer.crossing(C.EFFECTIVE)[:] = (0.75 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)) ** 2
 
 
-def _fill_radii(buffer, geometry):
+def _fill_radii(buffer: AssemblyBuffer, geometry: AssemblyGeometry) -> None:
     """Radii at rest of what meets at the crossings; a helix node has that of the element with its number."""
     C, grid, helix = CrossingRow, geometry.grid, geometry.oblique.radius
     for place in "ABSDE":
@@ -369,7 +380,7 @@ def _fill_radii(buffer, geometry):
             buffer.crossing(C[f"{place}_RADIUS"])[rods] = helix[rods][:, np.clip(met + side, 0, helix.shape[1] - 1)]
 
 
-def _fill_slabs(buffer, arm, geometry, h):
+def _fill_slabs(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeometry, h: float) -> None:
     T, anatomy, nodes = SlabRow, arm.anatomy, geometry.grid.ring_nodes
     area = geometry.straight.area[1:]
     buffer.straight(R.SECTION)[1:] = area / area.sum(axis=0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..body.arm import Arm
 from ..body.muscles import MuscleLaw
-from .geometry import PUBLISHED_NODES, AssemblyGeometry
+from .geometry import PUBLISHED_NODES, AssemblyGeometry, RodFamily
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Stiffness:
     inertia: np.ndarray
 
 
-def stiffness(arm, family):
+def stiffness(arm: Arm, family: RodFamily) -> Stiffness:
     """Stiffnesses of the rods of `family`, from the moduli of `arm`."""
     moment = family.second_moment
     return Stiffness(
@@ -74,7 +74,7 @@ class StraightConnections:
     contact: np.ndarray
 
 
-def straight_connections(arm, geometry):
+def straight_connections(arm: Arm, geometry: AssemblyGeometry) -> StraightConnections:
     """Connections of the cord with each longitudinal muscle (first half), and of these with their neighbours."""
     muscles = np.arange(1, geometry.grid.straight_rods)
     first, second = np.concatenate([0 * muscles, muscles]), np.concatenate([muscles, np.roll(muscles, -1)])
@@ -131,7 +131,7 @@ class RingConnections:
     oblique_contact: np.ndarray
 
 
-def ring_connections(arm, geometry):
+def ring_connections(arm: Arm, geometry: AssemblyGeometry) -> RingConnections:
     """Constants of all connections that involve a ring."""
     uniform, count = arm.anatomy.connections, geometry.grid.rings
     if uniform is not None:
@@ -208,7 +208,7 @@ def ring_smoothing(arm: Arm, geometry: AssemblyGeometry, h: float) -> Floats:
     return np.maximum(h * h * tension / (4 * STRING_SHARE * rings.length[:, 0] * rings.node_mass[:, 0]), LEAST_SMOOTHING)
 
 
-def thin_ring_limit(arm, geometry):
+def thin_ring_limit(arm: Arm, geometry: AssemblyGeometry) -> tuple[float, int]:
     """Linear limit of the step, 2 over the highest frequency of the springs at a ring's nodes, which no implicit step carries.
 
     The two modes that bind are a ring node against the longitudinal muscle inside it (few rings), and a ring node against its neighbours

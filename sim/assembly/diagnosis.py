@@ -1,6 +1,9 @@
 """Why an assembly diverged, in physical terms, from the state in which the guard stopped it."""
 
 import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 
 SQUEEZED = 0.75
 """Share of its rest radius below which a ring counts as squeezed: the published programmes stay above 0.85."""
@@ -8,7 +11,7 @@ BUCKLED = 0.5
 """Deflection of the nerve cord from the middle of its muscles, in radii of the cord, from which it counts as buckled."""
 
 
-def cause(straight, rings, rest_radius, cord_radius):
+def cause(straight: Floats, rings: Floats, rest_radius: Floats, cord_radius: Floats) -> str:
     """The most likely cause of a divergence and what to do, as a part of a sentence.
 
     Parameters

@@ -17,12 +17,16 @@ those of the authors' published model.
 
 from dataclasses import dataclass
 from math import atan, cos, pi, sin, tau
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..body.arm import touching_radii
+from ..body.arm import Arm, touching_radii
 from ..body.grid import LARGEST_COUNT, AssemblyGrid
 from ..errors import OctoctrlError
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,44 +50,44 @@ class RodFamily:
         Carried by the last nodes.
     """
 
-    points: np.ndarray
-    frames: np.ndarray
-    radius: np.ndarray
-    density: np.ndarray
+    points: Floats
+    frames: Floats
+    radius: Floats
+    density: Floats
     closed: bool = False
     fibres: float = 1.0
     stiffening: float = 1.0
-    tip_mass: np.ndarray | None = None
+    tip_mass: Floats | None = None
 
     @property
-    def edges(self):
+    def edges(self) -> Floats:
         """Vectors (R, n, 3) from node to node, m."""
         if self.closed:
             return np.roll(self.points, -1, axis=1) - self.points
         return np.diff(self.points, axis=1)
 
     @property
-    def centres(self):
+    def centres(self) -> Floats:
         """Centres (R, n, 3) of the elements, m."""
         return self.points[:, : self.radius.shape[1]] + self.edges / 2
 
     @property
-    def length(self):
+    def length(self) -> Floats:
         """Rest lengths (R, n) of the elements, m."""
         return np.linalg.norm(self.edges, axis=2)
 
     @property
-    def area(self):
+    def area(self) -> Floats:
         """Cross-sections (R, n) of all fibres, m^2."""
         return self.fibres * pi * self.radius**2
 
     @property
-    def element_mass(self):
+    def element_mass(self) -> Floats:
         """Masses (R, n) of the elements, kg."""
         return self.density[:, None] * self.area * self.length
 
     @property
-    def node_mass(self):
+    def node_mass(self) -> Floats:
         """Masses (R, nodes), kg: half of either element, and what the tip carries; in a closed rod one element each."""
         mass = self.element_mass
         if self.closed:
@@ -94,7 +98,7 @@ class RodFamily:
         return nodes
 
     @property
-    def second_moment(self):
+    def second_moment(self) -> Floats:
         """Second moment of area (R, n) in bending, m^4: the sum of the fibres', each about its own axis; twice that in twist."""
         return self.area**2 / (4 * pi) / self.fibres
 
@@ -123,11 +127,11 @@ class AssemblyGeometry:
     straight: RodFamily
     rings: RodFamily
     oblique: RodFamily
-    oblique_nodes: np.ndarray
-    oblique_edges: np.ndarray
+    oblique_nodes: Floats
+    oblique_edges: Floats
 
     @property
-    def elements(self):
+    def elements(self) -> int:
         """Elements of all rods."""
         return sum(family.radius.size for family in (self.straight, self.rings, self.oblique))
 
@@ -135,7 +139,7 @@ class AssemblyGeometry:
 PUBLISHED_NODES = 40
 
 
-def octopus_grid(arm, rings=None, ring_nodes=None):
+def octopus_grid(arm: Arm, rings: int | None = None, ring_nodes: int | None = None) -> AssemblyGrid:
     """The grid of an arm of eight muscles.
 
     Published are rings that touch each other, of 40 nodes. With more `rings`, each stands for a part of a published one and has more nodes
@@ -160,10 +164,10 @@ def octopus_grid(arm, rings=None, ring_nodes=None):
     if ring_nodes not in (None, *range(8, nodes + 1, 8)):
         raise OctoctrlError(f"ring_nodes={ring_nodes!r}: eight muscles need a multiple of 8, at most {nodes} with {rings} rings")
     between = ring_nodes not in (None, nodes)
-    return AssemblyGrid(rings=rings, ring_nodes=ring_nodes if between else nodes, bundle=published / rings, between=between)
+    return AssemblyGrid(rings=rings, ring_nodes=nodes if ring_nodes is None else ring_nodes, bundle=published / rings, between=between)
 
 
-def assembly_grid(arm, rings=None, ring_nodes=None):
+def assembly_grid(arm: Arm, rings: int | None = None, ring_nodes: int | None = None) -> AssemblyGrid:
     """The grid of the arm's anatomy, or else that of an octopus arm.
 
     Raises
@@ -182,7 +186,7 @@ def assembly_grid(arm, rings=None, ring_nodes=None):
     return fixed
 
 
-def assembly_geometry(arm, grid=None):
+def assembly_geometry(arm: Arm, grid: AssemblyGrid | None = None) -> AssemblyGeometry:
     """Build the rods of `arm` on `grid`, by default on the published one.
 
     Raises
@@ -219,13 +223,13 @@ def assembly_geometry(arm, grid=None):
     )
 
 
-def _outline(arm, grid):
+def _outline(arm: Arm, grid: AssemblyGrid) -> Floats:
     """Radii over those of the first published ring, which fall to 1 / taper at the last one, at the middles of the rings."""
     inside = (grid.bundle - 1) / 2 * (1 - 1 / arm.taper) / (grid.rings * grid.bundle - 1)
     return np.linspace(1.0 - inside, 1 / arm.taper + inside, grid.rings)
 
 
-def _straight_rods(arm, grid, cord, muscle, outline):
+def _straight_rods(arm: Arm, grid: AssemblyGrid, cord: float, muscle: float, outline: Floats) -> tuple[RodFamily, float]:
     count, rods = grid.rings, grid.straight_rods
     offset = cord + muscle
     narrowing = offset * (1 - 1 / arm.taper)
@@ -257,7 +261,7 @@ def _straight_rods(arm, grid, cord, muscle, outline):
     return family, inclination
 
 
-def _rings(arm, grid, heights, layer):
+def _rings(arm: Arm, grid: AssemblyGrid, heights: Floats, layer: Floats) -> RodFamily:
     angle = tau * np.arange(grid.ring_nodes) / grid.ring_nodes
     points = np.empty((heights.size, grid.ring_nodes, 3))
     points[..., 0], points[..., 2] = layer[:, None] * np.cos(angle), layer[:, None] * np.sin(angle)
@@ -268,10 +272,10 @@ def _rings(arm, grid, heights, layer):
     return RodFamily(points=points, frames=frames, radius=radius, density=density, closed=True, fibres=grid.bundle)
 
 
-def _helices(arm, grid, spacing, step, path, fibre):
+def _helices(arm: Arm, grid: AssemblyGrid, spacing: float, step: float, path: Floats, fibre: Floats) -> tuple[RodFamily, Any, Floats]:
     count, per_ring, helices, half = grid.rings, grid.helix_nodes, grid.helices, grid.helices // 2
     node = np.arange(grid.helix_elements + 1)
-    heights = spacing / per_ring * (per_ring / 2 + node)
+    heights: Floats = np.asarray(spacing / per_ring * (per_ring / 2 + node), dtype=np.float64)
     angle = tau * step / (per_ring * grid.ring_nodes) * node
     at_node = path[node // per_ring]
     # Helices that advance by two nodes per ring miss every other place between muscles an even number of nodes apart: every other helix,
@@ -285,15 +289,15 @@ def _helices(arm, grid, spacing, step, path, fibre):
     frames = _frames_of(edges, np.cross([0.0, 1.0, 0.0], edges))
     before, share = node[:-1] // per_ring, node[:-1] % per_ring / per_ring
     radius = (1 - share) * fibre[before] + share * fibre[np.minimum(before + 1, count - 1)]
-    ring, number = step * np.arange(count), np.arange(helices)[:, None]
-    nodes = np.where(number < half, ring, -ring) + grid.ring_nodes / half * number + shift[:, None]
+    ring, rods = step * np.arange(count), np.arange(helices)[:, None]
+    nodes = np.where(rods < half, ring, -ring) + grid.ring_nodes / half * rods + shift[:, None]
     if not grid.between:
         nodes = nodes.astype(int)
     family = RodFamily(points=points, frames=frames, radius=np.tile(radius, (helices, 1)), density=np.full(helices, arm.densities[3]))
     return family, nodes % grid.ring_nodes, heights
 
 
-def _frames_of(edges, first):
+def _frames_of(edges: Floats, first: Floats) -> Floats:
     d3 = edges / np.linalg.norm(edges, axis=-1, keepdims=True)
     d1 = np.broadcast_to(first, d3.shape)
     d1 = d1 - np.sum(d1 * d3, axis=-1, keepdims=True) * d3

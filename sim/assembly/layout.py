@@ -92,7 +92,7 @@ class SlabRow(Rows):
     WEIGHT, RATE, SCALE, COUPLING, IMPULSE, UP, DOWN, WRAP = (auto() for _ in range(8))
 
 
-def stride_of(slots, lanes):
+def stride_of(slots: int, lanes: int) -> int:
     """Row length: no multiple of 512 numbers, so that the rows do not fall on the same cache lines."""
     stride = max(slots * lanes, 576) + 8
     return stride + 8 if stride % 512 == 0 else stride

@@ -5,6 +5,8 @@ inside a sample, as in `octoctrl.sim.rod.stepping`. The guard looks at every ele
 place of the first bad one.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..body.grid import AssemblyGrid
@@ -23,7 +25,7 @@ SPEED_LIMIT = 10.0
 """Fastest velocity component (m/s) that can be meant: the strike of a squid, the fastest of its kind, reaches 3 m/s."""
 
 
-def in_order(terms: list):
+def in_order(terms: list[Any]) -> Any:
     """One kernel ``(buffer, share, step)`` that goes through `terms`."""
     if len(terms) == 1:
         return terms[0]
@@ -31,28 +33,28 @@ def in_order(terms: list):
     before, after = in_order(terms[:half]), in_order(terms[half:])
 
     @kernel
-    def both(b, share, step):
+    def both(b: Any, share: Any, step: Any) -> None:
         before(b, share, step)
         after(b, share, step)
 
     return both
 
 
-def mover(grid: AssemblyGrid):
+def mover(grid: AssemblyGrid) -> Any:
     """Compile ``move(buffer, h)``: all nodes and frames go on with their velocities."""
     drift, ring_drift = family_kernels(grid, False)["drift"], family_kernels(grid, True)["drift"]
     first, last = ONE, np.uint64(grid.open_slots * grid.lanes - 1)
     ring_first, ring_last = np.uint64(grid.lanes), np.uint64((grid.ring_nodes + 1) * grid.lanes)
 
     @kernel
-    def move(b, h):
+    def move(b: Any, h: Any) -> None:
         drift(b, first, last, h)
         ring_drift(b, ring_first, ring_last, h)
 
     return move
 
 
-def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False):
+def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False) -> Any:
     """Compile the loop of an assembly.
 
     Returns
@@ -82,7 +84,7 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False):
     force, move, (measure, _, _) = in_order(list(terms.values())), mover(grid), pressure_kernels(grid, False)
 
     @kernel
-    def set_levels(b, row, ring_row, longitudinal, oblique, transverse):
+    def set_levels(b: Any, row: Any, ring_row: Any, longitudinal: Any, oblique: Any, transverse: Any) -> None:
         for m in range(straight):
             for e in range(count):
                 b[row + np.uint64(m) * L + np.uint64(e + 1)] = longitudinal[m, e]
@@ -95,7 +97,7 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False):
                 b[ring_row + np.uint64(node) * L + np.uint64(i + 1)] = transverse[i]
 
     @kernel
-    def guard(b):
+    def guard(b: Any) -> Any:
         # Speed first: in the step after an element runs away, the implicit solve has spread it over the whole rod.
         for k in range(first, last):
             if max(abs(b[V[0] + k]), abs(b[V[1] + k]), abs(b[V[2] + k])) > SPEED_LIMIT:
@@ -119,7 +121,7 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False):
         return FINE, 0, ONE
 
     @kernel
-    def record(b, points, frames, stretch, volumes):
+    def record(b: Any, points: Any, frames: Any, stretch: Any, volumes: Any) -> None:
         for k in range(ONE, n + ONE + ONE):
             for c in range(3):
                 points[k - ONE, c] = b[X[c] + k]
@@ -136,9 +138,25 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False):
 
     @kernel
     def advance(
-        b, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch, volumes,
-        loads, shares, outside, watch,
-    ):  # fmt: skip
+        b: Any,
+        h: Any,
+        steps: Any,
+        longitudinal: Any,
+        oblique: Any,
+        transverse: Any,
+        laws: Any,
+        drag: Any,
+        ring_index: Any,
+        helix_index: Any,
+        points: Any,
+        frames: Any,
+        stretch: Any,
+        volumes: Any,
+        loads: Any,
+        shares: Any,
+        outside: Any,
+        watch: Any,
+    ) -> Any:  # fmt: skip
         step = Step(h, laws, drag, ring_index, helix_index, outside)
         for sample in range(points.shape[0]):
             set_levels(b, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])

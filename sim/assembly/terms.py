@@ -80,48 +80,48 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) ->
     first_node, last_node = ONE + ONE, np.uint64(grid.rings + 2)
 
     @kernel
-    def sides(b, share, step):
+    def sides(b: Any, share: Any, step: Any) -> None:
         gather(b)
         cord(b)
         neighbours(b)
 
     @kernel
-    def ring_connections(b, share, step):
+    def ring_connections(b: Any, share: Any, step: Any) -> None:
         ring_muscle(b)
         ring_ring(b)
 
     @kernel
-    def contacts(b, share, step):
+    def contacts(b: Any, share: Any, step: Any) -> None:
         if not even:
             beside(b)
 
     @kernel
-    def sums(b, share, step):
+    def sums(b: Any, share: Any, step: Any) -> None:
         collect(b)
         load(b)
         share_out(b, step.drag[0], step.drag[1])
         hand_on(b)
 
     @kernel
-    def pressure(b, share, step):
+    def pressure(b: Any, share: Any, step: Any) -> None:
         volumes(b)
         press(b)
 
     @kernel
-    def keep(b, share, step):
+    def keep(b: Any, share: Any, step: Any) -> None:
         keep_rings(b)
 
     @kernel
-    def brakes(b, share, step):
+    def brakes(b: Any, share: Any, step: Any) -> None:
         steady(b, 1 - np.exp(-RING_SPIN_RATE * step.h))
         hold(b, 1 - np.exp(-CORD_SLIP_RATE * step.h), first_node, last_node)
 
     @kernel
-    def smooth(b, share, step):
+    def smooth(b: Any, share: Any, step: Any) -> None:
         smooth_rings(b)
 
     @kernel
-    def project(b, share, step):
+    def project(b: Any, share: Any, step: Any) -> None:
         project_slabs(b)
 
     return _slid(grid, traits, {
@@ -156,13 +156,13 @@ def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, load
     first, last = ONE, np.uint64(grid.open_slots * grid.lanes - 1)
 
     @kernel
-    def drag(b, share, step):
+    def drag(b: Any, share: Any, step: Any) -> None:
         # Straight rods have none of it, and the spokes use their scratch.
         close_speed(b)
         brake(b, step.drag[2], step.drag[3])
 
     @kernel
-    def spokes(b, share, step):
+    def spokes(b: Any, share: Any, step: Any) -> None:
         gather(b)
         cord(b)
         neighbours(b)
@@ -174,14 +174,14 @@ def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, load
             beside(b)
 
     @kernel
-    def sums(b, share, step):
+    def sums(b: Any, share: Any, step: Any) -> None:
         collect(b)
         squeeze(b)
         share_out(b, step.drag[0], step.drag[1])
         hand_on(b)
 
     @kernel
-    def smooth(b, share, step):
+    def smooth(b: Any, share: Any, step: Any) -> None:
         filters(b, first, last)
 
     terms = {
@@ -204,20 +204,20 @@ def _loads(grid: AssemblyGrid, loaded: bool) -> Terms:
     _, add = outside_kernels(grid)
 
     @kernel
-    def loads(b, share, step):
+    def loads(b: Any, share: Any, step: Any) -> None:
         add(b, step.outside)
 
     return {"loads": loads}
 
 
-def _slid(grid, traits, terms):
+def _slid(grid: AssemblyGrid, traits: Traits, terms: Terms) -> Terms:
     """With the first nodes of muscles and helices back in their plane after the kick and at the end, if the base slides."""
     if not traits.sliding:
         return terms
     hold = sliding_base(grid)
 
     @kernel
-    def slide(b, share, step):
+    def slide(b: Any, share: Any, step: Any) -> None:
         hold(b)
 
     slid = {}
@@ -230,19 +230,19 @@ def _slid(grid, traits, terms):
     return slid
 
 
-def _bounds(grid):
+def _bounds(grid: AssemblyGrid) -> tuple[Any, ...]:
     """First and last index of open rods and of rings."""
     return ONE, np.uint64(grid.open_slots * grid.lanes - 1), np.uint64(grid.lanes), np.uint64((grid.ring_nodes + 1) * grid.lanes)
 
 
-def _strains(grid, rods, rings, strain, ring_strain):
+def _strains(grid: AssemblyGrid, rods: Any, rings: Any, strain: Any, ring_strain: Any) -> Any:
     bend, ring_bend = rods["bend"], rings["bend"]
     _, close_state, close_strain, close_moment, _ = ring_solver(grid)
     first, last, ring_first, ring_last = _bounds(grid)
     muscles, helices = np.uint64(grid.lanes), np.uint64(grid.straight_rods * grid.lanes)
 
     @kernel
-    def strains(b, share, step):
+    def strains(b: Any, share: Any, step: Any) -> None:
         elastic = 0.25 * step.h
         close_state(b)
         strain(b, first, muscles, share, elastic, step.laws[3])
@@ -257,7 +257,7 @@ def _strains(grid, rods, rings, strain, ring_strain):
     return strains
 
 
-def _crossings(grid, published):
+def _crossings(grid: AssemblyGrid, published: bool) -> Any:
     fetch, connect, give = between_kernels(grid) if grid.between else crossing_kernels(grid, published)
     o, g = family_offsets(grid, False), family_offsets(grid, True)
     RF1, RF2, RF3, HF1, HF2, HF3 = (table[f"F{i}"] for table in (g, o) for i in (1, 2, 3))
@@ -265,7 +265,7 @@ def _crossings(grid, published):
     helices = np.uint64(grid.straight_rods * grid.lanes)
 
     @kernel
-    def crossings(b, share, step):
+    def crossings(b: Any, share: Any, step: Any) -> None:
         for k in range(ring_first, ring_last):
             b[RF1 + k], b[RF2 + k], b[RF3 + k] = 0.0, 0.0, 0.0
         for k in range(helices, last):
@@ -277,22 +277,22 @@ def _crossings(grid, published):
     return crossings
 
 
-def _ring_spin(grid, rings):
+def _ring_spin(grid: AssemblyGrid, rings: Any) -> Any:
     spin, (_, _, first, last) = rings["spin"], _bounds(grid)
 
     @kernel
-    def ring_spin(b, share, step):
+    def ring_spin(b: Any, share: Any, step: Any) -> None:
         spin(b, first, last)
 
     return ring_spin
 
 
-def _kick(grid, rods, rings):
+def _kick(grid: AssemblyGrid, rods: Any, rings: Any) -> Any:
     kick_rods, spin, kick_rings = rods["kick"], rods["spin"], rings["kick"]
     first, last, ring_first, ring_last = _bounds(grid)
 
     @kernel
-    def kick(b, share, step):
+    def kick(b: Any, share: Any, step: Any) -> None:
         kick_rods(b, first, last)
         spin(b, first, last)
         kick_rings(b, ring_first, ring_last)
@@ -300,7 +300,7 @@ def _kick(grid, rods, rings):
     return kick
 
 
-def _axial(grid, rods, rings):
+def _axial(grid: AssemblyGrid, rods: Any, rings: Any) -> Any:
     axial, correct, ring_axial, ring_correct = rods["axial"], rods["correct"], rings["axial"], rings["correct"]
     solve, (ring_solve, _, _, _, close_speed) = open_solver(grid), ring_solver(grid)
     first, last, ring_first, ring_last = _bounds(grid)
@@ -308,7 +308,7 @@ def _axial(grid, rods, rings):
     elements, helix_elements, helix_slot = np.uint64(grid.rings), np.uint64(grid.helix_elements), np.uint64(grid.straight_rods)
 
     @kernel
-    def relax(b, share, step):
+    def relax(b: Any, share: Any, step: Any) -> None:
         close_speed(b)
         axial(b, first, last)
         solve(b, elements, straight, np.uint64(0), ONE)
