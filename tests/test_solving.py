@@ -18,7 +18,7 @@ from octoctrl.planners.contracts import When
 from octoctrl.planners.fitting.identification import load_identified
 from octoctrl.planners.solving.doubt import doubt
 from octoctrl.planners.solving.least_squares import Box, bounded_step, fit
-from octoctrl.planners.solving.optimiser import BAND, OPENING, objective, optimise
+from octoctrl.planners.solving.optimiser import BAND, OPENING, _Constraints, objective, optimise
 from octoctrl.planners.solving.problem import GUARD, GUARD_SCALE, Problem
 from octoctrl.planners.solving.search import COARSE, Search
 from octoctrl.planners.solving.slopes import Slopes, SlopesMath
@@ -241,6 +241,16 @@ def test_optimiser_keeps_goals_guard_and_bounds_and_lowers_the_price(problem):
     reading = problem.read(ended.x, problem.grid(ended.x, 0.02))
     assert reading.shares.max() < BAND + 0.1 and reading.opening > OPENING - 0.05
     assert float(price(ended.x)) < 0.8 * float(price(found.x))
+
+
+def test_rounding_beyond_a_bound_is_not_taken_for_a_wrong_level(problem):
+    """A drive that is not needed ends at level 0, which the quadratic programmes hit from either side."""
+    x = np.where([name == "curl.level" for name in problem.names], -1e-17, problem.start)
+    grid = problem.grid(problem.start, COARSE)
+    first = problem.read(problem.start, grid)
+    constraints = _Constraints(problem, grid, len(first.misses) + len(first.openings))
+    found = np.asarray(constraints(x / problem.box.scale)).ravel()
+    np.testing.assert_allclose(found[: len(first.misses)], problem.read(np.maximum(x, 0.0), grid).misses)
 
 
 def test_optimiser_stops_when_told(problem):

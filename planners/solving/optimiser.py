@@ -118,7 +118,9 @@ class _Constraints(ca.Callback):
         if self.raised is not None:
             raise self.raised
         try:
-            return self.problem.read(np.asarray(z).ravel() * self.problem.box.scale, self.grid, slopes)
+            # What the quadratic programmes give leaves the bounds by rounding.
+            box = self.problem.box
+            return self.problem.read(np.clip(np.asarray(z).ravel() * box.scale, box.lower, box.upper), self.grid, slopes)
         except BaseException as error:  # KeyboardInterrupt too, which the optimiser would take for a point without a value
             self.raised = error
             raise
