@@ -240,11 +240,12 @@ def _finished(problem: Problem, found: Found, status: PlanStatus, identified: Id
         report = replace(report, spread=tuple(doubts.spread.tolist()))
         if doubts.reasons:
             status, reason = PlanStatus.DOUBTFUL, "; ".join(doubts.reasons)
-    elif worst is not None:
+    elif worst is not None and worst.share > 1:
         searches = f"{report.starts} {'search' if report.starts == 1 else 'searches'}"
-        reason = (
-            f"{searches} came no nearer than this: phase '{worst.phase}' misses {worst.goal} by {worst.miss:.3g} {worst.goal.unit}".rstrip()
-        )
+        missed = f"phase '{worst.phase}' misses {worst.goal} by {worst.miss:.3g} {worst.goal.unit}".rstrip()
+        reason = f"{searches} came no nearer than this: {missed}"
+    elif status is PlanStatus.NOT_FOUND:
+        reason = f"every goal is met, but the tip comes too near a U-turn (1 + tip . base = {found.reading.opening:.2f})"
     clock.lap("check")
     report = replace(
         report,
