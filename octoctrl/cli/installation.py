@@ -32,10 +32,17 @@ def doctor(
 
 
 def warmup(plant: PlantName = None, quiet: Quiet = False) -> ExitCode:
-    """Compile the plant once, so that later runs start at once."""
+    """Compile the plant and the planner once, so that later commands start at once."""
+    from octoctrl.planners.model.reduced import ReducedModel
     from octoctrl.sim import plants
+    from octoctrl.sim.body.arm import Arm
 
-    name = plant or "rod"
-    plants.warmup(name, display(quiet))
-    print(f" the plant is compiled: {plants.PLANTS[name].text}")
+    name, progress = plant or "rod", display(quiet)
+    plants.warmup(name, progress)
+    progress.start("preparing the planner")
+    try:
+        ReducedModel(arm=Arm.octopus()).prepare()
+    finally:
+        progress.stop()
+    print(f" the planner and the plant are compiled: {plants.PLANTS[name].text}")
     return ExitCode.WELL

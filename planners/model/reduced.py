@@ -271,6 +271,15 @@ class ReducedModel:
         levels, steps = self._checked(levels, steps)
         return Linear(*linearise(self.step_model, np.ascontiguousarray(motion.strains), levels, steps))
 
+    def prepare(self) -> None:
+        """Compile all that planning and feedback call, or load it from the cache on disk: one step and one instant of each."""
+        levels, steps = np.zeros((1, len(MUSCLE_GROUPS), self.sections)), np.array([0.01])
+        slopes = np.zeros((*levels.shape, 1))
+        motion = self.sensitivities(levels, slopes, steps, np.zeros((1, 1))).motion
+        self.linearise(self.simulate(levels, steps), levels, steps)
+        self.outputs(motion.strains)
+        self.trace(motion.time, motion.strains)
+
     # Shape
 
     def strain_fit(self, stations: Floats) -> StrainFit:

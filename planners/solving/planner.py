@@ -99,7 +99,7 @@ def plan(
     identified : IdentifiedModel
         Reduced model of the arm, with its region of validity.
     time_limit : float, s
-        Wall-clock limit of everything.
+        Wall-clock limit of everything but compiling, which happens once after an installation.
     guess : Plan, optional
         A solved plan of a similar task to start from; a plan that is not solved is ignored, because it would lead astray.
     start : dict of str to float, optional
@@ -119,11 +119,17 @@ def plan(
         As a user's interrupt arrives; there is no plan then.
     """
     check_number("time_limit", time_limit, above=0.0, unit="s")
-    clock = Clock(time_limit)
-    task = task.on(identified.model.arm)
     reason = unreachable(task, identified.reach)
     if reason:
-        return _refused(task, identified, reason, clock)
+        return _refused(task, identified, reason, Clock(time_limit))
+    if progress is not None:
+        progress.start("preparing the planner (compiled the first time)")
+    try:
+        identified.model.prepare()
+    finally:
+        if progress is not None:
+            progress.stop()
+    clock = Clock(time_limit)
     if progress is not None:
         progress.start("planning")
     try:
