@@ -1,5 +1,4 @@
-"""Controllers of one's own: a function u = f(t, observation) that holds a length by pulling along or squeezing the arm, and an object that
-wraps the built-in feedback and watches what it does.
+"""A controller of one's own: a function u = f(t, observation) that holds a length by pulling along or squeezing the arm.
 
 Run with ``python examples/05_own_controller.py [--quick]``; leaves ``05_own_controller.png``.
 """
@@ -31,33 +30,6 @@ class LengthController:
         return {"TM": max(effort, 0.0)} | dict.fromkeys(LONGITUDINAL_GROUPS, max(-effort, 0.0))
 
 
-class Watched:
-    """The built-in feedback, with a note of what it sees of the tip."""
-
-    name = "watched"
-
-    def __init__(self, plan):
-        self.inner, self.tips = oc.controllers.tvlqr(plan), []
-
-    def levels(self, observation, reading):
-        """What the built-in feedback would do."""
-        self.tips.append((reading.now, *observation.points[-1]))
-        return self.inner.levels(observation, reading)
-
-    def report(self):
-        """What the built-in feedback says."""
-        return self.inner.report()
-
-
-def twist_half_a_turn():
-    """The small task, with the wrapped feedback and sensors that are late."""
-    plan = oc.plan("twist")
-    watched = Watched(plan)
-    run = oc.execute(plan, feedback=watched, sensors=oc.Sensors(delay=0.05))
-    wandered = 1e3 * np.ptp(np.array(watched.tips)[:, 1:], axis=0).max()
-    print(f"{run.feedback}: twist {run.trace.twist[-1]:+.2f} turns, seen 50 ms late; the tip wandered by {wandered:.1f} mm")
-
-
 def main(quick=False):
     hold = 2.0 if quick else 4.0
     rest, steps = oc.Arm.octopus().length, [(0.0, 0.9), (hold, 1.05), (2 * hold, 1.0)]
@@ -70,7 +42,6 @@ def main(quick=False):
         phases=(oc.Phase(name="follow", duration=3 * hold, longest=20.0),),
         drives=(oc.Drive(name="pull", primitive=oc.Shorten(), begins="follow", free=()),),
     )
-    twist_half_a_turn()
     run = oc.execute(oc.plan(task), feedback=LengthController(wanted), period=0.02)
     time, length = run.recording.time, run.recording.length
     print(f"{'step':>5} {'wanted mm':>10} {'reached mm':>11} {'error mm':>9}")

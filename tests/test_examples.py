@@ -82,6 +82,11 @@ def test_own_controller_reaches_the_lengths(printed):
     assert all(abs(row[2]) < 2.0 and row[2] == pytest.approx(row[1] - row[0], abs=0.11) for row in table)
 
 
+def test_wrapped_feedback_sees_late_and_twists_all_the_same(printed):
+    ((twist, error, moved),) = rows(printed("10_wrapped_feedback"), 3)
+    assert twist == pytest.approx(-0.5, abs=0.1) and 0 < error < 0.05 and moved > 0.5
+
+
 def test_batch_bends_every_arm_further_at_a_higher_level(printed):
     text = printed("07_batch")
     angles = np.array(rows(text, 4))[:, 1:]

@@ -55,7 +55,7 @@ def follow(coil, made, adapt=True, gains=None, offset=0.0, tracker=None, delay=0
     """The reduced model as the plant, whose groups answer with `gains` times their level; topology is measured with an `offset` (turns).
 
     What is measured is `delay` periods old; `noise` is that of the strains, as a share of their scale. Returns errors of twist and lifted
-    writhe (N, 2), corrections (N, m) and the tracker.
+    writhe (N - 1, 2), corrections (N, m) and the tracker.
     """
     plan, model = coil
     tracker = Tracker(made, adapt=adapt) if tracker is None else tracker
@@ -77,8 +77,9 @@ def follow(coil, made, adapt=True, gains=None, offset=0.0, tracker=None, delay=0
         given[columns] += correction[:, None]
         given = np.clip(given, 0, 1) * gain[:, None]
         strains = model.simulate(given[None], [made.period], start=strains).strains[-1]
-        wanted = made.periods[k + 1] if k + 1 < count else made.final
-        errors.append(model.outputs(strains[None], plan.task.convention.pole)[0][0, :2] - wanted.topology)
+        # The plan ends within the last period, which has nothing to be held against at its end.
+        if k + 1 < count:
+            errors.append(model.outputs(strains[None], plan.task.convention.pole)[0][0, :2] - made.periods[k + 1].topology)
         corrections.append(correction)
     return np.array(errors), np.array(corrections), tracker
 

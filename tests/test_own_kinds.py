@@ -84,7 +84,7 @@ def test_task_files_name_them(task):
 
 def test_plan_run_verdict_and_file(task, tmp_path):
     plan = oc.plan(task, time_limit=600.0)  # room for compiling, once per machine
-    assert plan.status.name == "SOLVED", plan
+    assert plan.status.solved, plan
     assert plan.report.goals[0].miss <= 0.01 and 0.0 <= plan.schedule.primitives[0].level <= 0.6
     run = oc.execute(plan, settle=0.1)
     (check,) = [check for check in oc.verify(run).checks if check.name == "lean.sideways"]

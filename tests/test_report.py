@@ -70,7 +70,9 @@ def test_twist_density_is_the_turn_about_the_arm(coil_run):
     frames[0, :, 0, 2], frames[0, :, 0, 0] = np.cos(angle), np.sin(angle)
     frames[0, :, 1, 2], frames[0, :, 1, 0] = -np.sin(angle), np.cos(angle)
     frames[0, :, 2, 1] = 1.0
-    twisted = replace(recording, **{name: getattr(recording, name)[:1] for name in ("time", "points", "stretch", "levels")}, frames=frames)
+    twisted = replace(
+        recording, **{name: getattr(recording, name)[:1] for name in ("time", "points", "stretch", "levels")}, frames=frames, series={}
+    )
     np.testing.assert_allclose(twist_density(twisted, np.array([0]), np.linspace(0.0, 0.2, 11)), rate, rtol=1e-9)
 
 

@@ -147,6 +147,10 @@ def solve_step(q, motion, levels, h, model, room):
         # The laws have kinks, and from one side of a kink to the other and back Newton's method would go for ever.
         if 0.7 * before < largest < CHANGE:
             damping = max(0.5 * damping, 0.35)
+        elif largest < CONVERGED:
+            damping = 1.0
+        else:
+            damping = min(2 * damping, 1.0)
         before = largest
         share = damping * min(1.0, CHANGE / max(largest, CONVERGED))
         for n in range(q.shape[0]):

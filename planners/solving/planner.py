@@ -119,6 +119,7 @@ def plan(
         As a user's interrupt arrives; there is no plan then.
     """
     check_number("time_limit", time_limit, above=0.0, unit="s")
+    task = task.on(identified.model.arm)
     reason = unreachable(task, identified.reach)
     if reason:
         return _refused(task, identified, reason, Clock(time_limit))
