@@ -513,6 +513,24 @@ def test_planned_arm_follows_the_clock_of_the_plan(plan, waiting):
 # Cut short
 
 
+def test_an_interrupt_between_keeping_and_measuring_leaves_a_whole_run(short, monkeypatch):
+    from octoctrl.sim.topology.meter import Meter
+
+    extend, calls = Meter.extend, []
+
+    def interrupted(self, *piece):
+        calls.append(piece)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        extend(self, *piece)
+
+    monkeypatch.setattr(Meter, "extend", interrupted)
+    run = execute(short, feedback="open-loop")
+    assert run.status is ExecutionStatus.INTERRUPTED and run.recording.time[-1] > 0
+    np.testing.assert_array_equal(run.trace.time, run.recording.time)
+    assert len(run.clock) == len(run.recording.time)
+
+
 @pytest.mark.parametrize("when", [0.0, 0.2])
 def test_interrupt_keeps_what_was_recorded(short, when):
     def interrupted(time, observation):

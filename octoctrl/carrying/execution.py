@@ -136,7 +136,7 @@ class _Run:
         self.events: list[Event] = []
         self.pieces: list[Recording] = []
         self.meter = Meter(plan.task.convention)
-        self.instants, self.readings = [0.0], [0.0]
+        self.marks = [(0.0, 0.0)]  # the plant's time and the clock; pairs, because an interrupt may come between any two steps
         self.ahead, self.waited, self.missed = tuple(plan.phase_begins), 0.0, 0.0
         self.ends = dict(zip(self.ahead, [*list(plan.phase_begins.values())[1:], plan.schedule.duration], strict=True))
 
@@ -153,8 +153,7 @@ class _Run:
                 piece = self._advance(observation, reading)
                 self._keep(piece)
                 clock, observation = reading.end, self.eyes.see(plant.observe())
-                self.instants.append(plant.time)
-                self.readings.append(clock)
+                self.marks.append((plant.time, clock))
                 if not piece.complete:
                     raise KeyboardInterrupt
                 progress.advance(clock, self.ahead[0] if self.ahead else "settling")
@@ -227,11 +226,14 @@ class _Run:
             self._keep(_at_rest(self.plant.observe()))
         recording = Recording.joined(self.pieces)
         recording = replace(recording, complete=status is ExecutionStatus.FINISHED, note=note)
+        if len(self.meter.trace.time) != len(recording.time):  # an interrupt came between keeping and measuring
+            self.meter = Meter(self.plan.task.convention)
+            self.meter.extend(recording.time, recording.points, recording.frames)
         return Execution(
             plan=self.plan,
             recording=recording,
             trace=self.meter.trace,
-            clock=np.interp(recording.time, self.instants, self.readings),
+            clock=np.interp(recording.time, *np.array(self.marks).T),
             feedback=self.controller.name,
             report=ExecutionReport(
                 wall_time=wall_time, time_step=self.plant.h, step_limit=self.plant.limit.mechanism, controller=self.controller.report()
