@@ -33,6 +33,7 @@ GUARDS = {
     "octoctrl.files.store": ("test_store.py -k 'not kill'",),
     "octoctrl.planners.solving.plan": ("test_plan_status.py -k 'only_a_solved or worst or text or knows'",),
     "octoctrl.planners.solving.reachability": ("test_plan_status.py -k 'limit or first'",),
+    "octoctrl.planners.following.tracking": ("test_feedback.py -k 'weighs or nothing or delay or weak0 or bias or bounds'",),
     "octoctrl.sim.activation": ("test_activation.py",),
     "octoctrl.sim.topology.inputs": ("test_topology_inputs.py -k 'not whatever'",),
     "octoctrl.sim.topology.measures": (
@@ -95,7 +96,8 @@ def places(path):
 
     source = path.read_text()
     kept, nodes = unchanged(source), list(ast_nodes(get_ast(source)))
-    classes = [get_operator(name) for name in operator_names()]
+    # cosmic-ray stumbles over exceptions that are named with their module.
+    classes = [get_operator(name) for name in operator_names() if "exception" not in name.lower()]
     for operator in [*(kind() for kind in classes if not kind.arguments()), swap()]:
         starts = [start for node in nodes for start, _ in operator.mutation_positions(node)]
         for occurrence, start in enumerate(starts):
