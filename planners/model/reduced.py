@@ -282,10 +282,6 @@ class ReducedModel:
 
     # Shape
 
-    def strain_fit(self, stations: Floats) -> StrainFit:
-        """The map from measured frames and stretches at `stations` (m,), m, to section strains, to be kept and called: a `StrainFit`."""
-        return StrainFit(stations, self.edges)
-
     @property
     def stations(self) -> Floats:
         """Arclengths at which a plant of this arm has its frames, (n + 2,), m."""
