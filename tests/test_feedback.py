@@ -55,13 +55,13 @@ def follow(coil, made, adapt=True, gains=None, offset=0.0, tracker=None, delay=0
     """The reduced model as the plant, whose groups answer with `gains` times their level; topology is measured with an `offset` (turns).
 
     What is measured is `delay` periods old; `noise` is that of the strains, as a share of their scale. Returns errors of twist and lifted
-    writhe (N - 1, 2), corrections (N, m) and the tracker.
+    writhe (N, 2), corrections (N, m) and the tracker.
     """
     plan, model = coil
     tracker = Tracker(made, adapt=adapt) if tracker is None else tracker
     random, scale = np.random.default_rng(seed), design.strain_scale(model)
     count = len(made.periods)
-    levels = model.levels(plan.schedule.activation(), made.period * np.arange(1, count + 1))
+    levels, planned = model.levels(plan.schedule.activation(), np.cumsum(made.steps)), [*made.periods[1:], made.final]
     columns = [MUSCLE_GROUPS.index(group) for group in made.groups]
     gain = np.ones(len(MUSCLE_GROUPS))
     for group, factor in (gains or {}).items():
@@ -76,10 +76,8 @@ def follow(coil, made, adapt=True, gains=None, offset=0.0, tracker=None, delay=0
         given = levels[k].copy()
         given[columns] += correction[:, None]
         given = np.clip(given, 0, 1) * gain[:, None]
-        strains = model.simulate(given[None], [made.period], start=strains).strains[-1]
-        # The plan ends within the last period, which has nothing to be held against at its end.
-        if k + 1 < count:
-            errors.append(model.outputs(strains[None], plan.task.convention.pole)[0][0, :2] - made.periods[k + 1].topology)
+        strains = model.simulate(given[None], made.steps[k : k + 1], start=strains).strains[-1]
+        errors.append(model.outputs(strains[None], plan.task.convention.pole)[0][0, :2] - planned[k].topology)
         corrections.append(correction)
     return np.array(errors), np.array(corrections), tracker
 
@@ -97,6 +95,18 @@ def test_course_holds_the_plan(coil, made):
     topology = np.array([period.topology for period in made.periods])
     assert rms(topology[:, 0] - planned.twist) < 0.02 and rms(topology[:, 1] - planned.lifted_writhe) < 0.02
     assert not any(period.linear.drift.any() for period in made.periods)
+
+
+@pytest.mark.parametrize("period", [0.05, 0.07, 0.5])
+def test_course_ends_where_the_plan_does(coil, period):
+    """The last period is as long as what is left of the plan, and what is held after it is the plan's end."""
+    plan, model = coil
+    course = Course(plan, model, period)
+    times = np.append(np.arange(0.0, plan.schedule.duration - 1e-6 * period, period), plan.schedule.duration)
+    np.testing.assert_allclose(course.steps, np.diff(times), atol=1e-12)
+    planned = model.simulate(model.levels(plan.schedule.activation(), times[1:]), np.diff(times)).strains
+    np.testing.assert_allclose(course.final.strains, planned[-1].ravel(), rtol=1e-9)
+    np.testing.assert_allclose(course.standing(times[-2]).strains, planned[-2].ravel(), rtol=1e-9)
 
 
 def test_final_pose_is_stable_under_feedback(made):

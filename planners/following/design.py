@@ -105,6 +105,8 @@ class Course:
     Attributes
     ----------
     period : float, s
+    steps : (N,) float64, s
+        Lengths of the periods, of which the last ends with the plan.
     groups : tuple of str
         Muscle groups that feedback may change.
     periods : tuple of Period
@@ -119,15 +121,18 @@ class Course:
         self.groups: tuple[str, ...] = self._activation.groups
         self._columns = [MUSCLE_GROUPS.index(group) for group in self.groups]
         self._scale = strain_scale(model)
-        count = int(np.ceil(plan.schedule.duration / period - 1e-9))
-        levels = model.levels(self._activation, period * np.arange(1, count + 1))
-        self._motion = model.simulate(levels, np.full(count, period))
+        count = int(np.ceil(plan.schedule.duration / period - 1e-6))
+        # The plan ends within the last period, which is so much shorter.
+        self._times = np.minimum(period * np.arange(count + 1), plan.schedule.duration)
+        self.steps = np.diff(self._times)
+        levels = model.levels(self._activation, self._times[1:])
+        self._motion = model.simulate(levels, self.steps)
         self._highest = np.maximum(levels[:, self._columns].max(axis=(0, 2)), LEAST_LEVEL)
         self._standing: tuple[float, Period] | None = None
         final = self.standing(plan.schedule.duration)
         # What the arm does after the plan is no reason to leave it before.
         self.final = replace(final, linear=final.linear._replace(drift=np.zeros_like(final.strains)))
-        linear, planned, topology = self._linear(self._motion, levels)
+        linear, planned, topology = self._linear(self._motion, levels, self.steps)
         cost, periods = self.final.cost / DISCOUNT, []
         for k in range(count - 1, -1, -1):
             gain, inverse, before = _regulator(linear[k], cost)
@@ -145,13 +150,14 @@ class Course:
         """What holds while the clock stands at `clock`, s, and when it is beyond the plan's end."""
         if self._standing is not None and self._standing[0] == clock:
             return self._standing[1]
-        model, index = self._model, min(round(clock / self.period), len(self._motion.time) - 1)
+        model, index = self._model, int(np.abs(self._times - clock).argmin())
         # Levels that stay need no allowance for the lag with which the arm answers.
         levels = model.levels(self._activation, np.array([clock + model.lag]))
         start = self._motion.strains[index]
-        motion = model.simulate(levels, np.array([self.period]), start=start)
+        steps = np.array([self.period])
+        motion = model.simulate(levels, steps, start=start)
         change = motion.strains[1] - start
-        (linear,), (planned,), (topology,) = self._linear(motion, levels)
+        (linear,), (planned,), (topology,) = self._linear(motion, levels, steps)
         linear = linear._replace(drift=change.ravel())
         cost = linear.price
         for _ in range(ITERATIONS):
@@ -168,10 +174,10 @@ class Course:
         self._standing = clock, found
         return found
 
-    def _linear(self, motion: ReducedMotion, levels: Floats) -> tuple[list[Linear], Floats, Floats]:
+    def _linear(self, motion: ReducedMotion, levels: Floats, steps: Floats) -> tuple[list[Linear], Floats, Floats]:
         """Linear models of the steps of a motion, planned levels (N, m), and topology (N, 2) at the steps' begins."""
         model, count = self._model, len(levels)
-        transition, influence, drag = model.linearise(motion, levels, np.full(count, self.period))
+        transition, influence, drag = model.linearise(motion, levels, steps)
         influence = influence[:, :, self._columns].sum(axis=3)
         planned = levels[:, self._columns].max(axis=2)
         disturbance = np.concatenate([influence * planned[:, None, :], drag[:, :, None]], axis=2)
