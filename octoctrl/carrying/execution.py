@@ -15,7 +15,7 @@ from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, check_number
 from octoctrl.sim.plants import make_plant, warmup
-from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.running.recording import Recording, StrandMotion
 from octoctrl.sim.running.sensors import Sensors
 from octoctrl.sim.topology.meter import Meter
 
@@ -121,6 +121,17 @@ def _at_rest(observation: Observation) -> Recording:
     )  # fmt: skip
 
 
+def _strand_motion(kept: list[tuple[float, dict[str, Any]]]) -> StrandMotion | None:
+    """Of pairs of time and what `octoctrl.sim.running.plant.Plant.strands` gave then; None of none."""
+    if not kept:
+        return None
+    return StrandMotion(
+        time=np.array([time for time, _ in kept]),
+        points={name: np.stack([rods[name][0] for _, rods in kept]).astype(np.float32) for name in kept[0][1]},
+        radius={name: radius.astype(np.float32) for name, (_, radius) in kept[0][1].items()},
+    )
+
+
 class _ControllerFailedError(Exception):
     """The controller, or the activation that it gave, raised the cause of this."""
 
@@ -135,6 +146,7 @@ class _Run:
         self.period, self.patience, self.settle = period, patience, settle
         self.events: list[Event] = []
         self.pieces: list[Recording] = []
+        self.strands: list[tuple[float, dict[str, Any]]] = []
         self.meter = Meter(plan.task.convention)
         self.marks = [(0.0, 0.0)]  # the plant's time and the clock; pairs, because an interrupt may come between any two steps
         self.ahead, self.waited, self.missed = tuple(plan.phase_begins), 0.0, 0.0
@@ -145,6 +157,7 @@ class _Run:
         plan, plant = self.plan, self.plant
         status, note, cause = ExecutionStatus.FINISHED, "", ""
         observation, clock, end = self.eyes.see(plant.reset()), 0.0, plan.schedule.duration + self.settle
+        self._keep_strands()
         progress.start("running the plant", end)
         try:
             while (hold := self._waits(clock)) or clock < end - 1e-9:
@@ -152,6 +165,7 @@ class _Run:
                 reading = ClockReading(plant.time, clock, clock if hold else clock + step, step)
                 piece = self._advance(observation, reading)
                 self._keep(piece)
+                self._keep_strands()
                 clock, observation = reading.end, self.eyes.see(plant.observe())
                 self.marks.append((plant.time, clock))
                 if not piece.complete:
@@ -189,6 +203,12 @@ class _Run:
     def _keep(self, piece: Recording) -> None:
         self.pieces.append(piece)
         self.meter.extend(piece.time, piece.points, piece.frames)
+
+    def _keep_strands(self) -> None:
+        """A plant of one's own need not have any."""
+        found: dict[str, Any] = getattr(self.plant, "strands", dict)()
+        if found:
+            self.strands.append((self.plant.time, found))
 
     def _waits(self, clock: float) -> bool:
         """Whether the clock stands because the phase that should end now has not met its goals; a phase that ends leaves its event."""
@@ -242,4 +262,5 @@ class _Run:
             events=tuple(self.events),
             status=status,
             cause=cause,
+            strands=_strand_motion(self.strands),
         )

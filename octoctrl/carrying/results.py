@@ -10,7 +10,7 @@ from octoctrl.planners.contracts import ControllerReport, Floats
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.records import Record
-from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.running.recording import Recording, StrandMotion
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..tables import number, table
@@ -87,6 +87,8 @@ class Execution(Record):
     status : ExecutionStatus
     cause : str
         Where a controller of one's own failed, as Python tells it; empty otherwise.
+    strands : StrandMotion, optional
+        The rods of which the arm consists, at the ends of the periods; none where it is one rod.
     """
 
     plan: Plan
@@ -99,6 +101,7 @@ class Execution(Record):
     events: tuple[Event, ...] = ()
     status: ExecutionStatus = ExecutionStatus.FINISHED
     cause: str = ""
+    strands: StrandMotion | None = None
 
     def __str__(self) -> str:
         return execution_text(self)

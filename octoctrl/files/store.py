@@ -40,7 +40,7 @@ _HOMES = {
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
     "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
     "octoctrl.sim.running.observation": ("Observation",),
-    "octoctrl.sim.running.recording": ("Recording",),
+    "octoctrl.sim.running.recording": ("Recording", "StrandMotion"),
     "octoctrl.sim.running.sensors": ("Sensors",),
     "octoctrl.sim.topology.trace": ("TopologyTrace", "TopologyConvention"),
     "octoctrl.planners.contracts": ("ControllerReport", "When"),

@@ -11,6 +11,7 @@ from math import sqrt, tau
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..body.anatomy import PLAIN, Traits
 from ..body.arm import Arm
@@ -35,6 +36,8 @@ DEFAULT_SHARE, LARGEST_SHARE = 0.58, 0.695
 PUBLISHED_STEP = 1e-5
 TONE_RAMP = 0.01
 """Time (s) in which the resting tone comes up."""
+STRAIGHT_SHOWN, OBLIQUE_SHOWN, RINGS_SHOWN = 46, 120, 30
+"""Nodes of a straight rod and of a helix, and rings, in a picture of all rods."""
 
 
 @cache
@@ -55,6 +58,11 @@ def _at_spokes(levels: Floats, spokes: int) -> Floats:
     before, share = np.divmod(np.arange(spokes) * groups, spokes)
     share = share[:, None] / spokes
     return (1 - share) * levels[:, before] + share * levels[:, (before + 1) % groups]
+
+
+def _spread(count: int, shown: int) -> NDArray[np.int_]:
+    """At most that many indices, from the first of `count` to the last."""
+    return np.unique(np.round(np.linspace(0, count - 1, min(shown, count))).astype(int))
 
 
 class AssemblyCore:
@@ -185,6 +193,19 @@ class AssemblyCore:
         straight = np.stack([self.rods.straight(row, nodes=True) for row in rows], axis=-1)
         oblique = np.stack([self.rods.oblique(row, nodes=True) for row in rows], axis=-1)
         return straight, oblique, np.stack([self.rods.ring(row) for row in rows], axis=-1)
+
+    def strands(self) -> dict[str, tuple[Floats, Floats]]:
+        """Nodes (rods, nodes, 3) and radii at rest (rods, nodes), m, by family, as many as a picture needs; a ring ends where it begins."""
+        geometry, (straight, oblique, rings) = self.geometry, self.nodes()
+        along, around = _spread(straight.shape[1], STRAIGHT_SHOWN), _spread(oblique.shape[1], OBLIQUE_SHOWN)
+        shown, turn = _spread(len(rings), RINGS_SHOWN), np.arange(rings.shape[1] + 1) % rings.shape[1]
+        lengthwise = straight[:, along], geometry.straight.radius[:, np.minimum(along, geometry.straight.radius.shape[1] - 1)]
+        return {
+            "nerve cord": (lengthwise[0][:1], lengthwise[1][:1]),
+            "longitudinal": (lengthwise[0][1:], lengthwise[1][1:]),
+            "oblique": (oblique[:, around], geometry.oblique.radius[:, np.minimum(around, geometry.oblique.radius.shape[1] - 1)]),
+            "transverse": (rings[shown][:, turn], geometry.rings.radius[shown][:, turn]),
+        }
 
     def muscle_lengths(self) -> tuple[Floats, Floats, Floats]:
         """Lengths of the nerve cord and the eight longitudinal muscles (9,), m, the eight helices (8,) and the rings (N,)."""

@@ -272,6 +272,14 @@ class Plant:
             pieces.append(self._now(last))
         return _joined(pieces, note)
 
+    def strands(self) -> dict[str, tuple[Floats, Floats]]:
+        """The rods of which the arm consists, for pictures: nodes (rods, nodes, 3) and radii at rest (rods, nodes), m, by family.
+
+        Empty where the arm is one rod.
+        """
+        found: dict[str, tuple[Floats, Floats]] = getattr(self._core, "strands", dict)()
+        return found
+
     def state(self) -> State:
         """The whole motion now, as arrays by name, to come back to with `restore`."""
         return {**self._core.state(), "samples": np.array(self._samples)}

@@ -88,3 +88,28 @@ class Recording(Record):
     def tip(self) -> Floats:
         """Tip position, m, (T, 3)."""
         return self.points[:, -1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class StrandMotion(Record):
+    """Where the rods of which an arm consists were, at R instants: as many nodes of each as a picture needs.
+
+    Attributes
+    ----------
+    time : (R,) float64, s
+    points : dict of str to (R, rods, nodes, 3) float32, m
+        By family; a closed rod ends at the node where it begins.
+    radius : dict of str to (rods, nodes) float32, m
+        At rest.
+    """
+
+    time: Floats
+    points: dict[str, NDArray[np.float32]]
+    radius: dict[str, NDArray[np.float32]]
+
+    def at(self, time: Floats) -> dict[str, Floats]:
+        """Places (T, rods, nodes, 3), m, by family at `time` (T,), s: linear in between, held beyond the ends."""
+        place = np.interp(time, self.time, np.arange(len(self.time)))
+        left = np.floor(place).astype(int)
+        right, share = np.minimum(left + 1, len(self.time) - 1), (place - left)[:, None, None, None]
+        return {family: (1 - share) * points[left] + share * points[right] for family, points in self.points.items()}
