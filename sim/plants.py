@@ -11,7 +11,8 @@ from typing import Any, Literal, Protocol
 
 from .body.arm import Arm
 from .contracts import Core
-from .errors import OctoctrlError, check_choice
+from .errors import check_choice
+from .registries import enter
 from .running import plant as running
 from .running.clock import RECORD, SAMPLE, Clock
 from .scene.scene import Scene
@@ -118,12 +119,9 @@ def register(row: PlantRow) -> PlantRow:
     OctoctrlError
         If the name is taken, or it is modelled as a plant that is not there.
     """
-    if PLANTS.get(row.name, row) is not row:
-        raise OctoctrlError(f"a plant called '{row.name}' is there already; choose another name")
     if row.modelled_as != row.name:
         check_choice("plant", row.modelled_as, tuple(PLANTS))
-    PLANTS[row.name] = row
-    return row
+    return enter(PLANTS, "plant", row.name, row)
 
 
 def check_plant(name: object) -> PlantRow:

@@ -15,11 +15,12 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = {"octoctrl": "octoctrl", "octoctrl.sim": "sim", "octoctrl.planners": "planners"}
 MODULES = sorted(path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py") if not path.parent.is_symlink())
 
-SIM_GROUND = {"errors", "findings", "compiler", "records", "rotations", "contracts", "writing"}
+SIM_GROUND = {"errors", "findings", "compiler", "records", "rotations", "contracts", "writing", "archives", "registries"}
 VOCABULARY = {
     "errors",
     "compiler",
     "records",
+    "registries",
     "rotations",
     "contracts",
     "body",
@@ -38,6 +39,8 @@ ROOMS = {
         "findings": set(),
         "compiler": set(),
         "writing": {"errors"},
+        "archives": {"errors", "writing"},
+        "registries": {"errors"},
         "records": set(),
         "rotations": set(),
         # Names types of the rooms that it is a contract between.

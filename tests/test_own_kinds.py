@@ -114,14 +114,14 @@ def test_lists_and_arrays_are_taken_for_tuples():
 
 
 def test_names_that_are_taken_are_refused():
-    with pytest.raises(OctoctrlError, match="a class called 'Twist' is registered already; choose another name"):
+    with pytest.raises(OctoctrlError, match="a class called 'Twist' exists already; choose another name"):
 
         @oc.register_primitive
         @dataclass(frozen=True)
         class Twist:
             level: float = 0.1
 
-    with pytest.raises(OctoctrlError, match="'twist' is TwistGoal already; choose another name"):
+    with pytest.raises(OctoctrlError, match="a goal called 'twist' exists already; choose another name"):
 
         @oc.register_goal
         @dataclass(frozen=True)

@@ -137,7 +137,7 @@ def test_plans_run_on_it_and_files_name_it(plan, tmp_path, monkeypatch, capsys):
 
 
 def test_a_name_that_is_taken_is_refused(registered):
-    with pytest.raises(oc.OctoctrlError, match="a plant called 'rod' is there already"):
+    with pytest.raises(oc.OctoctrlError, match="a plant called 'rod' exists already"):
         plants.register(replace(registered, name="rod"))
     with pytest.raises(oc.OctoctrlError, match="unknown plant 'rood'"):
         plants.register(replace(registered, name="another", modelled_as="rood"))

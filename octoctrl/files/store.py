@@ -6,11 +6,8 @@ the object as a tree), every array of the object is a member of its own. How a f
 
 import contextlib
 import importlib
-import json
 import sys
 import time
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -22,9 +19,11 @@ import numpy as np
 
 from octoctrl import __version__
 from octoctrl.planners.asking.registry import stored_kinds
+from octoctrl.sim.archives import read_archive, write_archive
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.registries import enter
 
-from .writing import check_target, written_aside
+from .writing import check_target
 
 SCHEMA = 2
 """Version of the file format that this program writes."""
@@ -74,12 +73,11 @@ def register(kind: type) -> type:
         If the name is taken, or the class is neither.
     """
     name = kind.__name__
-    if name in _HOME_OF or _REGISTERED.get(name, kind) is not kind:
+    if name in _HOME_OF:
         raise OctoctrlError(f"a class called '{name}' can be stored already; choose another name")
     if not is_dataclass(kind) and not issubclass(kind, Enum):
         raise OctoctrlError(f"{name} is neither a dataclass nor an enum; only those can be stored")
-    _REGISTERED[name] = kind
-    return kind
+    return enter(_REGISTERED, "class that can be stored", name, kind)
 
 
 def save(path: str | Path, item: Any, *, overwrite: bool = False, origin: Mapping[str, str] | None = None) -> Path:
@@ -113,9 +111,7 @@ def save(path: str | Path, item: Any, *, overwrite: bool = False, origin: Mappin
         "origin": dict(origin or {}),
         "object": _encode(item, arrays, type(item).__name__),
     }
-    text = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
-    with written_aside(path) as part:
-        np.savez(part, allow_pickle=False, header=text, **arrays)
+    write_archive(path, header, arrays)
     return path
 
 
@@ -215,19 +211,10 @@ _HEADER = {"content": str, "versions": dict, "argv": list, "origin": dict, "obje
 
 def _open(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, np.ndarray]]:
     path = Path(path)
-    if path.suffix != ".npz":
-        raise OctoctrlError(f"unknown format '{path.suffix}'; use .npz")
-    if not path.is_file():
-        raise OctoctrlError(f"{path} does not exist")
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        header = json.loads(arrays.pop("header").tobytes())
-        schema = header["schema"]
-        whole = type(schema) is int and (schema > SCHEMA or all(isinstance(header[key], kind) for key, kind in _HEADER.items()))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error):
-        whole = False
-    if not whole:
+    header, arrays = read_archive(path) or ({}, {})
+    schema = header.get("schema")
+    known = schema == SCHEMA and all(isinstance(header.get(key), kind) for key, kind in _HEADER.items())
+    if type(schema) is not int or (schema == SCHEMA and not known):
         raise OctoctrlError(f"{path} is not a file of octoctrl, or is damaged")
     if not OLDEST_SCHEMA <= schema <= SCHEMA:
         reads = str(SCHEMA) if OLDEST_SCHEMA == SCHEMA else f"{OLDEST_SCHEMA} to {SCHEMA}"

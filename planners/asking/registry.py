@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from octoctrl.sim.errors import OctoctrlError, suggest
+from octoctrl.sim.registries import enter
 
 from ..contracts import Goal, Primitive
 
@@ -39,7 +40,7 @@ def register_primitive(kind: Kind) -> Kind:
     OctoctrlError
         If it is not a dataclass, or the name is taken.
     """
-    return _register(kind, kind.__name__, _PRIMITIVES)
+    return _register(kind, "primitive", kind.__name__, _PRIMITIVES)
 
 
 def register_goal(kind: Kind) -> Kind:
@@ -60,7 +61,7 @@ def register_goal(kind: Kind) -> Kind:
     OctoctrlError
         If it is not a dataclass, or the name is taken.
     """
-    return _register(kind, str(getattr(kind, "quantity", "")), _GOALS)
+    return _register(kind, "goal", str(getattr(kind, "quantity", "")), _GOALS)
 
 
 def register_part(kind: Kind) -> Kind:
@@ -81,21 +82,16 @@ def register_part(kind: Kind) -> Kind:
     OctoctrlError
         If it is not a dataclass, or the name is taken.
     """
-    return _register(kind, kind.__name__, _PARTS)
+    return _register(kind, "part", kind.__name__, _PARTS)
 
 
-def _register(kind: Kind, name: str, table: dict[str, type]) -> Kind:
+def _register(kind: Kind, what: str, name: str, table: dict[str, type]) -> Kind:
     if not name:
         raise OctoctrlError(f"{kind.__name__} has no quantity; write quantity: ClassVar[str] = ... in it")
     if not is_dataclass(kind):
         raise OctoctrlError(f"{kind.__name__} is not a dataclass; write @dataclass(frozen=True, kw_only=True) above it")
-    known = {**_PRIMITIVES, **_GOALS, **_PARTS}.values()
-    # The same class may come twice, from a module that is loaded again.
-    if any(other.__name__ == kind.__name__ and other.__qualname__ != kind.__qualname__ for other in known):
-        raise OctoctrlError(f"a class called '{kind.__name__}' is registered already; choose another name")
-    if name in table and table[name].__name__ != kind.__name__:
-        raise OctoctrlError(f"'{name}' is {table[name].__name__} already; choose another name")
-    table[name] = kind
+    enter({other.__name__: other for other in (*_PRIMITIVES.values(), *_GOALS.values(), *_PARTS.values())}, "class", kind.__name__, kind)
+    enter(table, what, name, kind)
     return kind
 
 

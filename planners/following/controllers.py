@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from octoctrl.sim.errors import OctoctrlError, suggest
+from octoctrl.sim.registries import enter
 
 from ..contracts import Controller
 from ..solving.plan import Plan
@@ -52,9 +53,7 @@ def register(name: str, make: Callable[[Plan], Controller]) -> None:
     OctoctrlError
         If the name belongs to another.
     """
-    if CONTROLLERS.get(name, make) is not make:
-        raise OctoctrlError(f"a controller called '{name}' exists already; choose another name")
-    CONTROLLERS[name] = make
+    enter(CONTROLLERS, "controller", name, make)
 
 
 def check_feedback(name: str) -> None:

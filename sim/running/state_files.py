@@ -1,17 +1,13 @@
 """States of plants as .npz files: the arrays of the motion, and what the plant must be that goes on from them."""
 
-import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from ..archives import read_archive, write_archive
 from ..contracts import State
 from ..errors import OctoctrlError
-from ..writing import check_target, written_aside
+from ..writing import check_target
 
 SCHEMA = 1
 """Version of the file format."""
@@ -39,9 +35,7 @@ def write_state(path: str | Path, state: State, identity: Mapping[str, Any], *, 
         If the suffix is not ``.npz``, the file exists and may not be replaced, or it cannot be written.
     """
     path = check_target(path, overwrite=overwrite)
-    text = json.dumps({"state": SCHEMA, IDENTITY: dict(identity)}, allow_nan=False)
-    with written_aside(path) as part, open(part, "wb") as file:
-        np.savez(file, allow_pickle=False, header=np.frombuffer(text.encode(), dtype=np.uint8), **state)
+    write_archive(path, {"state": SCHEMA, IDENTITY: dict(identity)}, state)
     return path
 
 
@@ -63,19 +57,11 @@ def read_state(path: str | Path, identity: Mapping[str, Any]) -> State:
         If there is no such file, it holds no state or is damaged, was written by a newer octoctrl, or belongs to another plant.
     """
     path = Path(path)
-    if path.suffix != ".npz":
-        raise OctoctrlError(f"unknown format '{path.suffix}'; use .npz")
-    if not path.is_file():
+    if path.suffix == ".npz" and not path.exists():
         raise OctoctrlError(f"{path} does not exist; write one with Plant.save")
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            state = {name: archive[name] for name in archive.files}
-        header = json.loads(state.pop("header").tobytes())
-        schema, found = header["state"], dict(header[IDENTITY])
-        whole = type(schema) is int and schema > 0
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error):
-        whole = False
-    if not whole:
+    header, state = read_archive(path) or ({}, {})
+    schema, found = header.get("state"), header.get(IDENTITY)
+    if type(schema) is not int or schema < 1 or not isinstance(found, dict):
         raise OctoctrlError(f"{path} holds no state of a plant, or is damaged")
     if schema > SCHEMA:
         raise OctoctrlError(f"{path} was written by a newer octoctrl: pip install -U octoctrl")
