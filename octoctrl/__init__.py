@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
 
     from . import tasks
-    from .carrying.execution import execute
+    from .carrying.execution import execute, resume
     from .carrying.planning import plan
     from .carrying.results import Execution, Verdict
     from .files.store import load, save
@@ -74,7 +74,7 @@ _HOMES = {
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
     "octoctrl.sim.topology.trace": ("TopologyConvention", "TopologyTrace"),
     "octoctrl.judging.comparison": ("compare",),
-    "octoctrl.carrying.execution": ("execute",),
+    "octoctrl.carrying.execution": ("execute", "resume"),
     "octoctrl.carrying.planning": ("plan",),
     "octoctrl.sim.plants": ("Plant", "make_plant"),
     "octoctrl.pictures.plots": ("plot",),
@@ -126,6 +126,7 @@ __all__ = [
     "register_goal",
     "register_primitive",
     "report",
+    "resume",
     "save",
     "simulate_batch",
     "tasks",

@@ -1,6 +1,7 @@
 """Archives: a JSON header and named arrays in one .npz file, without pickle. One writer, and one reader of files that may be damaged."""
 
 import json
+import os
 import warnings
 import zipfile
 from collections.abc import Mapping
@@ -39,6 +40,8 @@ def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Arrays) -
     text = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
     with written_aside(path) as part, open(part, "wb") as file:
         np.savez(file, allow_pickle=False, header=text, **arrays)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def read_archive(path: str | Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,6 +159,19 @@ class Core(Protocol):
 
     def identity(self) -> dict[str, Any]:
         """What a saved state must share with the core that goes on from it, beside arm, water and step."""
+        ...
+
+
+@runtime_checkable
+class Resumable(Protocol):
+    """What can be put away and gone on with, bit by bit: plants, sensors, and the controllers of this package."""
+
+    def state(self) -> Mapping[str, Any]:
+        """All that it remembers, as plain values and arrays by name."""
+        ...
+
+    def restore(self, state: Any) -> Any:
+        """Go to a `state`."""
         ...
 
 

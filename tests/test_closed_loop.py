@@ -569,17 +569,3 @@ def test_a_plant_that_diverges_ends_the_run_with_what_was_good(short, feedback):
         plant = Exploding(short.arm, short.scene)
         for _ in range(6):
             plant.advance(short.schedule.activation(), 0.05)
-
-
-def test_checkpoints_hold_the_run_so_far(short, monkeypatch):
-    from octoctrl.carrying import execution as module
-
-    moments = iter(np.arange(0.0, 1e3, 0.7))
-    monkeypatch.setattr(module, "perf_counter", lambda: next(moments))
-    kept = []
-    # The clock ticks once per period and once while a checkpoint is made, of which nine times as much must pass until the next.
-    execute(short, feedback="open-loop", checkpoint=kept.append, period=0.01)
-    assert 3 <= len(kept) <= 5
-    ends = [item.recording.time[-1] for item in kept]
-    assert ends == sorted(ends) and ends[-1] <= 0.3 + 1e-9
-    assert all(item.status is ExecutionStatus.INTERRUPTED and not item.recording.complete for item in kept)

@@ -1,9 +1,6 @@
 import json
-import os
-import signal
 import subprocess
 import sys
-import time
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Enum, IntEnum, StrEnum
 from math import inf, nan
@@ -156,48 +153,6 @@ def test_failed_write_keeps_the_old_file(tmp_path, coil_plan, coil_run):
         store.save(path, ControllerReport(estimated_errors={"key": object()}), overwrite=True)
     assert path.read_bytes() == before
     assert [item.name for item in tmp_path.iterdir()] == ["p.npz"]
-
-
-def test_run_writer_writes_at_its_period(tmp_path, coil_run):
-    writer = store.RunWriter(tmp_path / "run.npz", period=3600.0)
-    writer(coil_run)
-    first = writer.path.stat().st_mtime_ns
-    writer(coil_run)
-    assert writer.path.stat().st_mtime_ns == first
-    writer.close(replace(coil_run, feedback="open-loop"))
-    assert store.load(writer.path).feedback == "open-loop"
-
-
-WRITING = """
-import sys
-sys.path.insert(0, {tests!r})
-from dataclasses import replace
-import conftest
-from octoctrl.files import store, writing
-run = store.load({source!r})
-writer = store.RunWriter({target!r}, period=0.0)
-count = 0
-while True:
-    count += 1
-    writer._next = 0.0
-    writer(replace(run, cause=str(count)))
-    print(count, flush=True)
-"""
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.013, 0.04, 0.11])
-def test_kill_9_leaves_a_readable_file(tmp_path, coil_run, delay):
-    source, target = tmp_path / "source.npz", tmp_path / "run.npz"
-    store.save(source, coil_run)
-    program = WRITING.format(tests=os.path.dirname(__file__), source=str(source), target=str(target))
-    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
-        seen = int(process.stdout.readline())
-        time.sleep(delay)
-        process.send_signal(signal.SIGKILL)
-        seen = max([seen, *map(int, process.stdout.read().split())])
-    loaded = store.load(target)
-    assert int(loaded.cause) in (seen, seen + 1)
-    assert same(loaded.recording, coil_run.recording)
 
 
 def test_interrupted_execution_is_stored_as_such(tmp_path, coil_plan):

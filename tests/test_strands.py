@@ -7,6 +7,7 @@ import octoctrl as oc
 from octoctrl.carrying.execution import execute
 from octoctrl.carrying.results import ExecutionStatus
 from octoctrl.files.store import load, save
+from octoctrl.progress import NullProgress
 from octoctrl.sim.running.recording import StrandMotion
 
 
@@ -58,10 +59,11 @@ def test_places_between_instants_lie_between():
 
 
 def test_a_run_keeps_them_at_the_ends_of_its_periods_and_so_does_its_file(coil_plan, tmp_path):
-    def stop(_):
-        raise KeyboardInterrupt
+    class Stop(NullProgress):
+        def advance(self, seconds, text=""):
+            raise KeyboardInterrupt
 
-    run = execute(coil_plan, feedback="open-loop", plant="assembly-coarse", checkpoint=stop)
+    run = execute(coil_plan, feedback="open-loop", plant="assembly-coarse", progress=Stop())
     assert run.status is ExecutionStatus.INTERRUPTED
     np.testing.assert_allclose(run.strands.time, [0.0, 0.025])
     cord = run.strands.points["nerve cord"]

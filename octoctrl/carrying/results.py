@@ -20,7 +20,7 @@ class ExecutionStatus(Enum):
     """How an execution ended; the value is a sentence that says what to do next."""
 
     FINISHED = "Finished: all phases were carried out; verify it."
-    INTERRUPTED = "Interrupted: the recording holds everything up to the last chunk; run again to finish."
+    INTERRUPTED = "Interrupted: the recording holds everything up to the last chunk; go on with it, or run again."
     UNSTABLE = "Unstable: the plant diverged; the recording holds the motion up to the last good state, the note says where and why."
     CONTROLLER_FAILED = "Controller failed: the recording holds everything up to the period in which it did; mend what the cause names."
 

@@ -23,7 +23,6 @@ def task_names() -> list[str]:
 Task = Annotated[
     str, typer.Argument(metavar="FILE_OR_TASK", help="A task file, or the name of a task.", autocompletion=task_names, show_default=False)
 ]
-PlanFile = Annotated[Path, typer.Argument(metavar="PLAN.npz", show_default=False)]
 RunFile = Annotated[Path, typer.Argument(metavar="RUN.npz", show_default=False)]
 Overwrite = Annotated[bool, typer.Option("-f", "--force", help="Replace files that exist.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

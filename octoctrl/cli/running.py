@@ -1,7 +1,7 @@
 """Commands that move the arm: a plan carried out, and everything in one go."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -9,7 +9,7 @@ from octoctrl.sim.errors import OctoctrlError
 
 from ..progress import NullProgress, Progress
 from .codes import ExitCode, code_of_plan, code_of_run, code_of_verdict
-from .options import AsJson, Overwrite, PlanFile, PlantName, Quiet, Settings, TimeLimit, task_names
+from .options import AsJson, Overwrite, PlantName, Quiet, Settings, TimeLimit, task_names
 from .output import display, plan_content, report, run_content, say, verdict_content
 from .planning import configuration_of, origin_of, plan_into
 
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 
 def run(
-    plan_file: PlanFile,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.npz")],
+    plan_file: Annotated[Path | None, typer.Argument(metavar="PLAN.npz", show_default=False)] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="RUN.npz")] = None,
+    broken_off: Annotated[Path | None, typer.Option("--resume", metavar="RUN.npz", help="Go on with a run that was broken off.")] = None,
     open_loop: Annotated[bool, typer.Option("--open-loop", help="Play the planned activations without feedback.")] = False,
     feedback: Annotated[str | None, typer.Option("--feedback", metavar="NAME", help="tvlqr, or open-loop.")] = None,
     plant: PlantName = None,
@@ -30,23 +31,43 @@ def run(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> ExitCode:
-    """Carry out a plan on the plant that it was made for, or another one; the file is kept up to date while the run goes on."""
+    """Carry out a plan on the plant that it was made for, or another one; a run that is killed can be gone on with."""
     from octoctrl.planners.following.controllers import check_feedback
     from octoctrl.sim.plants import check_plant
 
+    from ..files.parts import check_parts
     from ..files.store import load, read_header
-    from ..files.writing import check_target
 
+    if broken_off is not None:
+        return _resumed(broken_off, [plan_file, output, feedback, plant, open_loop, anyway, force], as_json, quiet)
+    if plan_file is None or output is None:
+        raise OctoctrlError("give a plan and where to write: octoctrl run plan.npz -o run.npz; or what to go on with: --resume run.npz")
     if open_loop and feedback not in (None, "open-loop"):
         raise OctoctrlError(f"--open-loop and --feedback {feedback} contradict each other; give one of them")
     loaded, origin = load(plan_file, expect="Plan"), read_header(plan_file)["origin"]
     feedback = "open-loop" if open_loop else feedback or loaded.feedback
     check_feedback(feedback)
     check_plant(plant or loaded.plant)
-    check_target(output, overwrite=force)
+    check_parts(output, overwrite=force)
     if code_of_plan(loaded) and not anyway:
         raise OctoctrlError(f"{plan_file} does not meet its goals ({loaded.status.name.lower()}); give --anyway to run it all the same")
     execution = run_into(output, loaded, feedback, plant or loaded.plant, force, origin, display(quiet))
+    report(execution, run_content(execution), as_json)
+    return code_of_run(execution)
+
+
+def _resumed(path: Path, others: list[Any], as_json: bool, quiet: bool) -> ExitCode:
+    """Go on with a run as it was begun."""
+    from ..carrying.execution import resume
+
+    if any(others):
+        raise OctoctrlError("--resume goes on with a run as it was begun; give the run and nothing else")
+    progress = display(quiet)
+    try:
+        execution = resume(path, progress=progress)
+    finally:
+        progress.stop()
+    _say_where(execution, path)
     report(execution, run_content(execution), as_json)
     return code_of_run(execution)
 
@@ -104,18 +125,21 @@ def run_into(output: Path, plan: "Plan", feedback: str, plant: str, force: bool,
 
     from ..carrying.execution import execute
     from ..doctor import header
-    from ..files.store import RunWriter
 
-    writer = RunWriter(output, overwrite=force, origin=origin)
     try:
         plants.warmup(plant, progress)
         made = plants.make_plant(plant, plan.arm, plan.scene)
         if not isinstance(progress, NullProgress):
             say(header(made, plan.schedule.activation().groups))
-        execution = execute(plan, feedback=feedback, plant=made, allow_unsolved=True, progress=progress, checkpoint=writer)
+        execution = execute(
+            plan, feedback=feedback, plant=made, allow_unsolved=True, progress=progress, path=output, overwrite=force, origin=origin
+        )
     finally:
         progress.stop()
-    writer.close(execution)
-    if code_of_run(execution) is ExitCode.INTERRUPTED:
-        say(f"stopped at {execution.recording.time[-1]:.2f} s; {output} holds everything up to there")
+    _say_where(execution, output)
     return execution
+
+
+def _say_where(execution: "Execution", path: Path) -> None:
+    if code_of_run(execution) is ExitCode.INTERRUPTED:
+        say(f"stopped at {execution.recording.time[-1]:.2f} s, and {path} holds that; go on with: octoctrl run --resume {path}")

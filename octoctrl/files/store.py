@@ -7,7 +7,6 @@ the object as a tree), every array of the object is a member of its own. How a f
 import contextlib
 import importlib
 import sys
-import time
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -48,6 +47,7 @@ _HOMES = {
     "octoctrl.planners.model.parameters": ("ReducedParameters",),
     "octoctrl.planners.model.reduced": ("ReducedModel", "ReducedMotion"),
     "octoctrl.planners.solving.plan": ("GoalReport", "Plan", "PlanReport", "PlanStatus"),
+    "octoctrl.carrying.run_parts": ("RunPart", "RunStart"),
     "octoctrl.carrying.results": ("Check", "Event", "Execution", "ExecutionReport", "ExecutionStatus", "Verdict", "VerdictStatus"),
     "octoctrl.files.configuration": ("Configuration", "PlanSettings", "RunSettings"),
 }
@@ -116,7 +116,7 @@ def save(path: str | Path, item: Any, *, overwrite: bool = False, origin: Mappin
 
 
 def load(path: str | Path, *, expect: str | None = None) -> Any:
-    """Read an object from a .npz file.
+    """Read an object from a .npz file, or what the parts hold of one that was broken off while it was made.
 
     Parameters
     ----------
@@ -133,12 +133,14 @@ def load(path: str | Path, *, expect: str | None = None) -> Any:
     OctoctrlError
         If the file does not exist, is not one of ours, is newer than this program, or holds something else.
     """
+    from .parts import folder_of, load_joined
+
+    if not Path(path).is_file() and folder_of(path).is_dir():
+        item = load_joined(folder_of(path))
+        _check_content(path, type(item).__name__, expect)
+        return item
     path, header, arrays = _open(path)
-    if expect is not None and header["content"] != expect:
-        advice = {"Plan": "make one with: octoctrl plan", "Execution": "make one with: octoctrl run"}.get(expect, "")
-        names = {"Plan": "a plan", "Execution": "a run"}
-        held, wanted = (names.get(name, f"'{name}'") for name in (header["content"], expect))
-        raise OctoctrlError(f"{path} holds {held}, not {wanted}{'; ' + advice if advice else ''}")
+    _check_content(path, header["content"], expect)
     try:
         return _decode(header["object"], arrays)
     except _UnknownClassError:
@@ -149,6 +151,14 @@ def load(path: str | Path, *, expect: str | None = None) -> Any:
             "is damaged" if written == __version__ else f"was written by octoctrl {written}, which this one, {__version__}, does not know"
         )
         raise OctoctrlError(f"{path} {origin}: {f'no {error}' if isinstance(error, KeyError) else error}") from error
+
+
+def _check_content(path: str | Path, held: str, expect: str | None) -> None:
+    if expect is not None and held != expect:
+        advice = {"Plan": "make one with: octoctrl plan", "Execution": "make one with: octoctrl run"}.get(expect, "")
+        names = {"Plan": "a plan", "Execution": "a run"}
+        found, wanted = (names.get(name, f"'{name}'") for name in (held, expect))
+        raise OctoctrlError(f"{path} holds {found}, not {wanted}{'; ' + advice if advice else ''}")
 
 
 class _UnknownClassError(OctoctrlError):
@@ -168,41 +178,6 @@ def read_header(path: str | Path) -> dict[str, Any]:
     """
     _, header, _ = _open(path)
     return {key: value for key, value in header.items() if key != "object"}
-
-
-class RunWriter:
-    """Keep a file up to date while a run goes on.
-
-    A writer is called with the object so far, as often as there is news; at most once per `period` of wall time it replaces the file.
-
-    Parameters
-    ----------
-    path : str or Path
-    overwrite : bool
-        Whether a file that exists at the start may be replaced.
-    period : float, s
-    origin : dict of str to str, optional
-        For the header; see `save`.
-    """
-
-    def __init__(self, path: str | Path, *, overwrite: bool = False, period: float = 1.0, origin: Mapping[str, str] | None = None) -> None:
-        self.path = check_target(path, overwrite=overwrite)
-        self.period = period
-        self.origin = origin
-        self._next = 0.0
-
-    def __call__(self, item: Any) -> None:
-        """Write `item` if the last writing is long enough ago; slow disks are given at most a tenth of the time."""
-        began = time.monotonic()
-        if began < self._next:
-            return
-        save(self.path, item, overwrite=True, origin=self.origin)
-        took = time.monotonic() - began
-        self._next = began + took + max(self.period, 9 * took)
-
-    def close(self, item: Any) -> Path:
-        """Write `item` for good and return the path."""
-        return save(self.path, item, overwrite=True, origin=self.origin)
 
 
 _HEADER = {"content": str, "versions": dict, "argv": list, "origin": dict, "object": dict}

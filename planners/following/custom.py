@@ -1,6 +1,6 @@
 """A function of one's own as a controller: it takes the place of the plan's activation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from octoctrl.sim.sources import Held
@@ -33,6 +33,13 @@ class Custom:
             If the answer is none of these, or a level is not in [0, 1].
         """
         return Held.of(self._function(reading.now, observation), observation.edges, who="feedback")
+
+    def state(self) -> dict[str, Any]:
+        """A function that remembers something cannot say so: it is taken to remember nothing."""
+        return {}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Nothing of a `state` has to be gone to."""
 
     def report(self) -> ControllerReport:
         """Whatever the function knows, it keeps to itself."""

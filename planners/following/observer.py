@@ -8,7 +8,8 @@ Noise shows in what the fit leaves over: a plant's own structure between the sec
 next. At the beginning the arm is taken to be at rest, where nothing is left over.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,6 +68,14 @@ class Observer:
         covariance[:, 3, :, 3] = noise[1] * _spread(extents)
         topology = np.array(present_of_frames(frames, self._pole))
         return Sight(np.column_stack([curvatures, stretches]), topology, covariance.reshape(4 * sections, 4 * sections))
+
+    def state(self) -> dict[str, Any]:
+        """What the last fits left over, and the variances."""
+        return {"left": self._left, "variances": self._variances.copy()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go to a `state` of an observer with the same model and pole."""
+        self._left, self._variances = state["left"], state["variances"].copy()
 
     def _noise(self, turns: Floats, ways: Floats) -> Floats:
         """Variances of the rotations (rad^2) and places (m^2) of the stations, from what the fits leave over."""

@@ -1,5 +1,8 @@
 """No feedback: the plan's activation as it was planned."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from octoctrl.sim.sources import Corrected
 
 from ..contracts import ActivationSource, ClockReading, ControllerReport, Observation
@@ -23,6 +26,13 @@ class OpenLoop:
     def levels(self, observation: Observation, reading: ClockReading) -> ActivationSource:
         """The plan's activation at the `reading` of its clock, whatever the `observation`."""
         return Corrected(activation=self._activation, begin=reading.now, period=reading.period, clock=(reading.begin, reading.end))
+
+    def state(self) -> dict[str, Any]:
+        """It remembers nothing."""
+        return {}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Nothing of a `state` has to be gone to."""
 
     def report(self) -> ControllerReport:
         """Nothing was corrected."""

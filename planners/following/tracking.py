@@ -7,6 +7,9 @@ Riccati recursion) its estimate of theta, the drift of a standing clock, and the
 does not explain, which makes it free of offset.
 """
 
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from ..contracts import Floats
@@ -24,6 +27,15 @@ BIAS_SHARE = 0.3
 
 KINSHIP = 0.95
 """Correlation of the gain errors of muscles of one kind, which one motion can hardly tell apart."""
+
+
+class _Passed(NamedTuple):
+    """A period that has begun: which it is on the plan's clock, where that stood, what holds in it, and its correction."""
+
+    begun: int | None
+    clock: float
+    period: Period
+    correction: Floats
 
 
 class Tracker:
@@ -48,7 +60,7 @@ class Tracker:
         self.bias = np.zeros(2)
         self._estimate, self._doubt = np.zeros_like(course.final.strains), np.diag(course.final.noise**2)
         self._measured = False
-        self._past: list[tuple[Period, Floats]] = []
+        self._past: list[_Passed] = []
         """Periods that began since the last measurement, with their corrections."""
 
     def correct(self, index: int | None, sight: Sight, *, clock: float = 0.0, age: int = 0) -> Floats:
@@ -72,14 +84,14 @@ class Tracker:
         course = self.course
         if index is not None and index >= len(course.periods):
             index = None
-        period = course.standing(clock) if index is None else course.periods[index]
+        period = self._period(index, clock)
         known = len(self._past) - age
         if known > 0 or not self._measured:
             known = max(known, 0)
-            self._measure(known, self._past[known][0] if known < len(self._past) else period, sight)
+            self._measure(known, self._past[known].period if known < len(self._past) else period, sight)
             self._past = self._past[known:]
         x = self._estimate
-        for passed, correction in self._past:
+        for _, _, passed, correction in self._past:
             linear = passed.linear
             x = linear.transition @ x + linear.influence @ correction + linear.drift + _effect(passed, correction) @ self.errors
         planned = period.linear
@@ -88,15 +100,38 @@ class Tracker:
         correction = -period.gain @ x - period.inverse @ planned.influence.T @ (period.cost @ push + ahead)
         # A level cannot leave [0, 1]; what the plant will really get is what the next prediction must assume.
         correction = np.clip(period.levels + correction, 0.0, 1.0) - period.levels
-        self._past.append((period, correction))
+        self._past.append(_Passed(index, clock, period, correction))
         return correction
+
+    def state(self) -> dict[str, Any]:
+        """Estimates, and the periods that began since the last measurement."""
+        return {
+            "errors": self.errors.copy(),
+            "covariance": self.covariance.copy(),
+            "bias": self.bias.copy(),
+            "estimate": self._estimate.copy(),
+            "doubt": self._doubt.copy(),
+            "measured": self._measured,
+            "past": [(passed.begun, passed.clock, passed.correction) for passed in self._past],
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go to a `state` of a tracker of the same course."""
+        self.errors, self.covariance, self.bias, self._estimate, self._doubt = (
+            state[name].copy() for name in ("errors", "covariance", "bias", "estimate", "doubt")
+        )
+        self._measured = state["measured"]
+        self._past = [_Passed(index, clock, self._period(index, clock), correction) for index, clock, correction in state["past"]]
+
+    def _period(self, index: int | None, clock: float) -> Period:
+        return self.course.standing(clock) if index is None else self.course.periods[index]
 
     def _measure(self, known: int, then: Period, sight: Sight) -> None:
         """Take up what was measured after the first `known` periods of the past, at the begin of the period `then`."""
         x = sight.strains.ravel() - then.strains
         # What the errors do to the prediction is linear in them: effect @ errors.
         found, doubt, effect = self._estimate, self._doubt, np.zeros((len(x), len(self.errors)))
-        for passed, correction in self._past[:known]:
+        for _, _, passed, correction in self._past[:known]:
             linear = passed.linear
             found = linear.transition @ found + linear.influence @ correction + linear.drift
             doubt = linear.transition @ doubt @ linear.transition.T + np.diag(passed.noise**2)

@@ -1,6 +1,8 @@
 """The built-in feedback as a controller: the regulator of `tracking` on the phase clock."""
 
+from collections.abc import Mapping
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +56,31 @@ class TVLQR:
             activation=self._activation, begin=reading.now, period=reading.period, clock=(reading.begin, reading.end),
             groups=self._course.groups, before=before, after=self._correction,
         )  # fmt: skip
+
+    def state(self) -> dict[str, Any]:
+        """What it remembers of the run so far, without its design, which is made again from the plan."""
+        if self._course is None:
+            return {}
+        return {
+            "period": self._course.period,
+            "now": self._now,
+            "correction": self._correction.copy(),
+            "largest": self._largest,
+            "design_time": self._design_time,
+            "tracker": self._tracker.state(),
+            "observer": self._observer.state(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go to a `state` of a controller of the same plan."""
+        if not state:
+            self._now = np.inf
+            return
+        self._start(state["period"])
+        self._now, self._correction, self._largest = state["now"], state["correction"].copy(), state["largest"]
+        self._design_time = state["design_time"]
+        self._tracker.restore(state["tracker"])
+        self._observer.restore(state["observer"])
 
     def report(self) -> ControllerReport:
         """Largest correction, and the errors of gains and drag that it believes in."""

@@ -309,7 +309,7 @@ class Plant:
         OctoctrlError
             If the suffix is not ``.npz``, the file exists, or it cannot be written.
         """
-        return write_state(path, self.state(), self._identity(), overwrite=overwrite)
+        return write_state(path, self.state(), self.identity(), overwrite=overwrite)
 
     def load(self, path: str | Path) -> Observation:
         """Go to a state written by `save`.
@@ -328,13 +328,13 @@ class Plant:
             If there is no such file, it holds no state or is damaged, or it belongs to another model, arm, resolution, water, step or
             sample interval.
         """
-        state = read_state(path, self._identity())
+        state = read_state(path, self.identity())
         try:
             return self.restore(state)
         except (KeyError, ValueError, TypeError):
             raise OctoctrlError(f"{path} holds no whole state of this plant, or is damaged") from None
 
-    def _identity(self) -> dict[str, Any]:
+    def identity(self) -> dict[str, Any]:
         """What a saved state must share with the plant that goes on from it."""
         water = self.scene.water
         wet: dict[str, Any] = {"water": "none" if water is None else "there"}

@@ -107,6 +107,14 @@ class StrandMotion(Record):
     points: dict[str, NDArray[np.float32]]
     radius: dict[str, NDArray[np.float32]]
 
+    @classmethod
+    def joined(cls, pieces: Sequence["StrandMotion"]) -> "StrandMotion | None":
+        """One motion of consecutive `pieces`; None of none."""
+        if not pieces:
+            return None
+        points = {name: np.concatenate([piece.points[name] for piece in pieces]) for name in pieces[0].points}
+        return replace(pieces[0], time=np.concatenate([piece.time for piece in pieces]), points=points)
+
     def at(self, time: Floats) -> dict[str, Floats]:
         """Places (T, rods, nodes, 3), m, by family at `time` (T,), s: linear in between, held beyond the ends."""
         place = np.interp(time, self.time, np.arange(len(self.time)))

@@ -4,7 +4,9 @@
 """
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -114,6 +116,22 @@ class Readings:
         while len(self._taken) > 1 and self._taken[1].time <= shown:
             self._taken.popleft()
         return self._taken[0]
+
+    @property
+    def shown(self) -> Observation:
+        """What was seen last."""
+        return self._taken[0]
+
+    def state(self) -> dict[str, Any]:
+        """Readings on their way, when the next is due, and where the noise stands."""
+        noise = self._random.bit_generator.state
+        return {"taken": tuple(self._taken), "due": float(self._due), "latest": float(self._latest), "noise": dict(noise)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go to a `state` of readings of the same sensors."""
+        self._taken = deque(state["taken"])
+        self._due, self._latest = state["due"], state["latest"]
+        self._random.bit_generator.state = state["noise"]
 
     def _read(self, observation: Observation) -> Observation:
         seen, sensors = _part(observation, _seen_elements(self.sensors.stations, len(observation.stretch))), self.sensors

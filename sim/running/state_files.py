@@ -65,8 +65,19 @@ def read_state(path: str | Path, identity: Mapping[str, Any]) -> State:
         raise OctoctrlError(f"{path} holds no state of a plant, or is damaged")
     if schema > SCHEMA:
         raise OctoctrlError(f"{path} was written by a newer octoctrl: pip install -U octoctrl")
+    check_identity(path, found, identity)
+    return state
+
+
+def check_identity(path: str | Path, found: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
+    """Check that a plant of this `identity` is the one that was `found` in the file at `path`.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is another; the message names what differs.
+    """
     for name in dict.fromkeys((*identity, *found)):
         mine, theirs = identity.get(name, "none"), found.get(name, "none")
         if mine != theirs:
             raise OctoctrlError(f"{path}: state has {name}={theirs}, this plant {name}={mine}; make the plant as it was when saved")
-    return state
