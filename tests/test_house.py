@@ -188,9 +188,9 @@ def test_modules_are_small_and_named_for_what_they_do(path):
 
 
 def public_functions(path):
-    """Public functions and methods as (name, node); those of private classes and nested ones are left out."""
+    """Public functions and methods as (name, node); those of private classes, nested ones and overloads are left out."""
     for node in ast.parse(path.read_text()).body:
-        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and "overload" not in map(ast.unparse, node.decorator_list):
             yield node.name, node
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             for inner in node.body:

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,6 +17,9 @@ from octoctrl.pictures.motion import curvature, motion_of, rest_arclength, twist
 from octoctrl.pictures.packing import pack, unpack
 from octoctrl.pictures.report import page, report
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.plants import make_plant
+from octoctrl.sim.running.recording import StrandMotion
+from octoctrl.sim.scene.objects import Capsule
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
@@ -23,6 +27,16 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 WITHOUT_WEBGL = """
 const get = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function (kind, ...rest) { return kind === "webgl2" ? null : get.call(this, kind, ...rest); };
+"""
+
+
+INK = """
+() => {
+  const canvas = document.querySelector("canvas.arm"), gl = canvas.getContext("webgl2");
+  const data = new Uint8Array(4 * canvas.width * canvas.height);
+  gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+  return data.filter((value, index) => index % 4 === 3 && value > 0).length;
+}
 """
 
 
@@ -196,6 +210,36 @@ def test_keys_layers_and_colours(opened):
     assert shown == [[True, False], [True, True]]
     opened.select_option("#run-0 select.field", "distance from the plan")
     assert opened.inner_text("#run-0 .high").endswith("mm")
+
+
+def test_rods_and_objects_can_be_shown_and_hidden(browser, coil_run, tmp_path):
+    plan = coil_run.plan
+    post = Capsule(name="post", radius=8e-3, length=0.08, position=(0.0, 0.1, 0.03), axis=(1, 0, 0))
+    plan = replace(plan, model=replace(plan.model, scene=replace(plan.scene, objects=(post,))))
+    strands = make_plant("assembly-coarse").strands()
+    points = {name: places[None].astype(np.float32) for name, (places, _) in strands.items()}
+    radius = {name: radius.astype(np.float32) for name, (_, radius) in strands.items()}
+    run = replace(coil_run, plan=plan, strands=StrandMotion(time=np.zeros(1), points=points, radius=radius))
+    tab = browser.new_page(viewport={"width": 1300, "height": 900})
+    complaints = []
+    tab.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+    tab.on("pageerror", lambda error: complaints.append(str(error)))
+    tab.goto(report(run, tmp_path / "full.html").as_uri())
+    tab.wait_for_selector("body[data-ready]", state="attached", timeout=30000)
+    assert not tab.locator(".tools.colour").is_visible(), "without the skin there is nothing to colour"
+
+    def ink():
+        tab.wait_for_timeout(200)
+        return tab.evaluate(INK)
+
+    shown = [ink()]
+    for name in ("longitudinal", "nerve cord", "oblique", "transverse", "planned", "objects"):
+        tab.locator(f'input[data-layer="{name}"]').uncheck()
+        shown.append(ink())
+    assert all(after <= before for before, after in pairwise(shown)) and shown[-2] > 100 and shown[-1] == 0
+    assert shown[2] > shown[3] > shown[4], "helices and rings are seen from outside"
+    tab.locator('input[data-layer="arm"]').check()
+    assert ink() > 1000 and tab.locator(".tools.colour").is_visible() and complaints == []
 
 
 def test_without_webgl_a_still_picture_is_shown(browser, coil_run, tmp_path):

@@ -1,5 +1,6 @@
 """What running a plan gives: an execution, and the verdict on it."""
 
+import importlib
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, StrEnum
 from math import isfinite
@@ -105,6 +106,11 @@ class Execution(Record):
 
     def __str__(self) -> str:
         return execution_text(self)
+
+    def _repr_html_(self) -> str:
+        """Verdict and traces, for a notebook: the room of pictures, which stands above this one, is looked up when it is asked for."""
+        shown: str = importlib.import_module("octoctrl.pictures.notebook").summary(self)
+        return shown
 
     @property
     def planned(self) -> TopologyTrace:

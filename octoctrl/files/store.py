@@ -106,7 +106,7 @@ def save(path: str | Path, item: Any, *, overwrite: bool = False, origin: Mappin
     header = {
         "schema": SCHEMA,
         "content": type(item).__name__,
-        "versions": _versions(),
+        "versions": versions(),
         "argv": sys.argv,
         "origin": dict(origin or {}),
         "object": _encode(item, arrays, type(item).__name__),
@@ -197,7 +197,8 @@ def _open(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, np.ndarray]
     return path, header, arrays
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Versions of Python, of this program and of what it computes with."""
     from importlib.metadata import PackageNotFoundError, version
 
     found = {"python": ".".join(map(str, sys.version_info[:3]))}

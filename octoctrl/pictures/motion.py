@@ -30,6 +30,8 @@ class Motion(Record):
     Attributes
     ----------
     time : (F,) float64, s
+    chosen : (F,) int
+        Their indices among the recorded instants.
     points, normals : (F, M, 3) float64
         Centreline (m), and unit vectors from it towards LM3.
     radius : (F, M) float64, m
@@ -44,6 +46,7 @@ class Motion(Record):
     """
 
     time: Floats
+    chosen: NDArray[np.int_]
     points: Floats
     normals: Floats
     radius: Floats
@@ -83,6 +86,7 @@ def motion_of(run: Execution, *, instants: int = INSTANTS, places: int = PLACES)
     ghost = None if planned is None else _along(arm.edges, planned, arclength)
     return Motion(
         time=time,
+        chosen=chosen,
         points=points,
         normals=_normals(recording, chosen, points, arclength),
         radius=width / np.sqrt(stretch),

@@ -76,19 +76,24 @@ class TubeView {
     const gl = this.gl;
     gl.enable(gl.DEPTH_TEST);
     gl.clearColor(0, 0, 0, 0);
-    this.program = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+    this.program = this.link(VERTEX, FRAGMENT);
+    this.solids = new Solids(gl, (...sources) => this.link(...sources), run.solids, arrays);
+    this.maps = Object.fromEntries(Object.keys(COLOUR_MAPS).map(name => [name, this.mapTexture(name)]));
+    for (const layer of run.layers) this.addLayer(layer);
+    this.listen();
+  }
+
+  link(vertex, fragment) {
+    const gl = this.gl, program = gl.createProgram();
+    for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
       const shader = gl.createShader(kind);
       gl.shaderSource(shader, source);
       gl.compileShader(shader);
       if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-      gl.attachShader(this.program, shader);
+      gl.attachShader(program, shader);
     }
-    gl.linkProgram(this.program);
-    gl.useProgram(this.program);
-    this.maps = Object.fromEntries(Object.keys(COLOUR_MAPS).map(name => [name, this.mapTexture(name)]));
-    for (const layer of run.layers) this.addLayer(layer);
-    this.listen();
+    gl.linkProgram(program);
+    return program;
   }
 
   place(name) {
@@ -121,7 +126,7 @@ class TubeView {
     const radius = layer.radius ? this.arrays[layer.radius].data : null, normals = layer.normals ? this.arrays[layer.normals].data : null;
     const places = this.dataTexture(instants, rods, nodes, (data, i) => {
       data.set(points.data.subarray(3 * i, 3 * i + 3), 4 * i);
-      data[4 * i + 3] = radius ? radius[i] : layer.thickness;
+      data[4 * i + 3] = radius ? radius[i % radius.length] : layer.thickness;   // one instant of radii stands for all
     });
     const sideways = normals && this.dataTexture(instants, rods, nodes, (data, i) => data.set(normals.subarray(3 * i, 3 * i + 3), 4 * i));
     const rings = (nodes - 1) * layer.cuts + 1, corners = [];
@@ -148,6 +153,7 @@ class TubeView {
 
   show(name, visible) {
     this.layers.filter(layer => layer.name === name).forEach(layer => { layer.visible = visible; });
+    if (name === "objects") this.solids.visible = visible;
     this.stale = true;
   }
 
@@ -191,6 +197,7 @@ class TubeView {
       screen[12 + i] = -stretch[i] * (rows[i][0] * cx + rows[i][1] * cy + rows[i][2] * cz);
     }
     screen[15] = 1;
+    gl.useProgram(this.program);
     gl.uniformMatrix4fv(this.place("toScreen"), false, screen);
     gl.uniformMatrix3fv(this.place("toView"), false, view);
     gl.uniform1i(this.place("instant"), instant);
@@ -208,5 +215,6 @@ class TubeView {
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, layer.buffer);
       gl.drawElementsInstanced(gl.TRIANGLES, layer.count, gl.UNSIGNED_INT, 0, layer.rods);
     }
+    this.solids.draw(screen, view, instant, share);
   }
 }

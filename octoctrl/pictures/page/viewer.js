@@ -25,7 +25,12 @@
     find("select.field").addEventListener("change", event => choose(event.target.value));
     choose(find("select.field").value);
     for (const box of root.querySelectorAll("input[data-layer]")) {
-      box.addEventListener("change", () => { if (view.gl) view.show(box.dataset.layer, box.checked); });
+      const show = () => {
+        if (view.gl) view.show(box.dataset.layer, box.checked);
+        if (box.dataset.layer === "arm") find(".colour").hidden = !box.checked;   // only the skin has colours to choose
+      };
+      box.addEventListener("change", show);
+      show();
     }
     for (const canvas of root.querySelectorAll("canvas.kymograph")) {
       const field = run.fields[canvas.dataset.field] || run.kymographs[canvas.dataset.field];
