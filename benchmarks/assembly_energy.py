@@ -119,7 +119,7 @@ class Ledger:
         internal = [self.internal(family, share) for family in self.families]
         external = self.external()
         v0, w0 = self.motion()
-        for name in ("ring spin", "keep", "kick"):
+        for name in ("ring spin", "kick"):
             self.term(name)
         w1 = self.motion()[1]
         before = self.spin_energy()
@@ -192,7 +192,7 @@ class Ledger:
         passive, active = area * family.of_law(MuscleLaw.passive_stress, e) / e, area * (isometric + viscosity * was["rate"]) / e
         self.add("passive stretch", -h * dot(passive, elongation))
         correction = view(R.IMPULSE)
-        of_muscle = area * viscosity / (e * rest) * view(R.YIELD)
+        of_muscle = area * viscosity / (e * rest) / view(R.VISCOSITY)
         self.add("muscles", -h * dot(active + of_muscle * correction, elongation))
         self.add("implicit passive slope", -h * dot((1 - of_muscle) * correction, elongation))
         slowed = family.of_law(lambda law, rate: law.velocity_factor(-rate / law.maximum_rate), elongation / rest)

@@ -34,7 +34,7 @@ def parts_of(plant):
     grid, terms, step = plant.core.grid, hydrostat_terms(plant.core.grid, plant.arm.anatomy.traits), step_of(plant)
     (cord, neighbours), (ring_muscle, ring_ring) = side_kernels(grid, True), published_ring_joints(grid, plant.core.geometry.inclination)
     collect, (squeeze, hand_on), share_out = collect_kernel(grid, RESULTS), squeeze_kernels(grid), share_kernel(grid)
-    gather, beside = gather_kernel(grid, "RADIUS"), beside_kernel(grid, True)
+    gather, beside = gather_kernel(grid, True), beside_kernel(grid, True)
 
     def scatter(b, normal, tangential):
         collect(b)
@@ -58,6 +58,8 @@ def parts_of(plant):
 
     def measure(b, share, h, laws):
         terms["strains"](b, share, step._replace(h=h, laws=laws))
+        for rows in (plant.core.rods.open_rods, plant.core.rods.rings):  # which only the published strains measure
+            rows[R.RADIUS] = rows[R.REST_RADIUS] / np.sqrt(np.maximum(rows[R.STRETCH], 1e-9))
 
     def push(b):
         for name in ("ring spin", "kick"):

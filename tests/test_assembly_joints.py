@@ -115,7 +115,7 @@ def test_projection_is_that_of_a_dense_system_and_leaves_momentum(bent):
     on_ring = np.cross(edge[:, None], beside) / 2
     vector = np.cross(np.roll(body.rings, -1, axis=1), body.rings).sum(axis=1) / 2
     on_muscle = rods.straight(R.SECTION)[1:, :, None] * vector
-    hoop = np.mean(1 / rods.ring(R.YIELD), axis=1)[:, None] * (2 - 2 * np.cos(2 * np.pi / grid.ring_nodes))
+    hoop = np.mean(rods.ring(R.VISCOSITY), axis=1)[:, None] * (2 - 2 * np.cos(2 * np.pi / grid.ring_nodes))
     ring_mobility = rods.ring(R.NODE_MOBILITY) / (1 + rods.ring(R.NODE_MOBILITY) * hoop)
     mobility = rods.straight(R.NODE_MOBILITY, nodes=True)[1:]
     gradient = np.zeros((n, 8, n + 1, 3))
@@ -146,7 +146,7 @@ def test_selective_mass_is_that_of_a_dense_cyclic_system(bent):
     old, raw = generator.standard_normal((2, 3, grid.rings, grid.ring_nodes))
     for i in range(3):
         rods.ring(R.V1 + i)[:] = old[i]
-    terms["keep"]()
+    terms["kick"]()
     for i in range(3):
         rods.ring(R.V1 + i)[:] = raw[i]
     terms["smooth"]()

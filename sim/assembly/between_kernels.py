@@ -41,7 +41,7 @@ def between_kernels(grid):
     H, FA, FB, FD, FE, FH = (c[name] for name in ("H1", "FA1", "FB1", "FD1", "FE1", "FH1"))
     SPRING, CONTACT, EFFECTIVE, SHARE, ARC = (c[k] for k in ("SPRING", "CONTACT", "EFFECTIVE", "SHARE", "ARC"))
     places, results = (A, B, D, E), (FA, FB, FD, FE)
-    fetch, _, give = transfer_kernels(grid)
+    fetch, _, give, _ = transfer_kernels(grid)
 
     @kernel
     def gather(b, ring_index, helix_index):
@@ -55,7 +55,7 @@ def between_kernels(grid):
             start = np.uint64(j) * L
             for k in range(start + ONE, start + last):
                 share, arc = b[SHARE + k], b[ARC + k]
-                rest = 1 - share
+                rest = 1.0 - share
                 near1, far1 = rest * b[A + k] + share * b[B + k], rest * b[D + k] + share * b[E + k]
                 near2 = rest * b[A + row + k] + share * b[B + row + k]
                 far2 = rest * b[D + row + k] + share * b[E + row + k]
@@ -69,7 +69,7 @@ def between_kernels(grid):
                 lever = reach / np.sqrt(square)
                 distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
                 overlap = max(reach - distance, 0.0)
-                unit = b[CONTACT + k] * overlap * np.sqrt(overlap / (1 + b[EFFECTIVE + k] * overlap)) / distance
+                unit = b[CONTACT + k] * overlap * np.sqrt(overlap / (1.0 + b[EFFECTIVE + k] * overlap)) / distance
                 spring = b[SPRING + k]
                 f1 = spring * (d1 + lever * o1) - unit * d1
                 f2 = spring * (d2 + lever * o2) - unit * d2
@@ -78,7 +78,7 @@ def between_kernels(grid):
                 # Here o is arc (near - far) and s is (near + far + o) / 2: forces on near and far.
                 turn, along = spring * lever * arc, (d1 * o1 + d2 * o2 + d3 * o3) / square
                 g1, g2, g3 = turn * (d1 - along * o1), turn * (d2 - along * o2), turn * (d3 - along * o3)
-                own, other = 0.5 * (1 + arc), 0.5 * (1 - arc)
+                own, other = 0.5 * (1.0 + arc), 0.5 * (1.0 - arc)
                 n1, n2, n3 = own * f1 + g1, own * f2 + g2, own * f3 + g3
                 b[FA + k], b[FA + row + k], b[FA + row + row + k] = -rest * n1, -rest * n2, -rest * n3
                 b[FB + k], b[FB + row + k], b[FB + row + row + k] = -share * n1, -share * n2, -share * n3

@@ -220,10 +220,10 @@ def _set_ring(buffer: AssemblyBuffer, row: int, values: Floats, ghost: float | N
 
 
 def set_filter_masks(buffer: AssemblyBuffer) -> None:
-    """Mark the inner nodes (row YIELD) and inner elements (row RATE) of the open rods for the published velocity filter."""
+    """Mark the inner nodes (row VISCOSITY) and inner elements (row RATE) of the open rods for the published velocity filter."""
     for view in (buffer.straight, buffer.oblique):
-        view(R.YIELD, True)[:] = view(R.RATE)[:] = 0.0
-        view(R.YIELD, True)[:, 1:-1] = 1.0
+        view(R.VISCOSITY, True)[:] = view(R.RATE)[:] = 0.0
+        view(R.VISCOSITY, True)[:, 1:-1] = 1.0
         view(R.RATE)[:, 1:-1] = 1.0
 
 
@@ -255,6 +255,9 @@ def fill_parameters(
         strength, pace = graded.ring_grades(geometry.grid.rings)
         _set_ring(buffer, R.STRENGTH, strength[:, None])
         _set_ring(buffer, R.PACE, pace[:, None])
+    for family in (buffer.open_rods, buffer.rings):
+        for row, length in ((R.INVERSE_LENGTH, family[R.LENGTH]), (R.INVERSE_JOINT, family[R.JOINT_LENGTH])):
+            family[row] = 1 / np.where(length > 0, length, np.inf)
     _fill_connections(buffer, arm, geometry, soften)
     _fill_slabs(buffer, arm, geometry, h)
 
@@ -350,6 +353,7 @@ def _fill_connections(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeomet
     buffer.spoke(S.R_CONTACT)[:] = ring.muscle_contact
     buffer.spoke(S.R_REPULSION)[:] = ring.muscle_repulsion
     buffer.spoke(S.R_NEXT)[:, :-1] = ring.ring_spring
+    buffer.spoke(S.RING_RADIUS)[:] = geometry.rings.radius[:, 0]
     buffer.spoke(S.R_EFFECTIVE)[:] = (0.75 * h * h * ring.muscle_contact * (1 / ring_mass + 1 / muscle_mass)) ** 2
     helix_mass = geometry.oblique.node_mass[:, :: grid.helix_nodes]
     buffer.crossing(C.SPRING)[:] = ring.oblique_spring

@@ -35,9 +35,10 @@ def transfer_kernels(grid):
 
     Returns
     -------
-    fetch, fetch_radius, give : compiled functions
+    fetch, fetch_radius, give, give_few : compiled functions
         ``fetch(buffer, index, x1, x2, x3, target)`` copies vectors to three rows from `target` on, ``fetch_radius(buffer, index, radius,
-        target)`` one number each, and ``give(buffer, index, source, f1, f2, f3)`` adds three rows to forces.
+        target)`` one number each, ``give(buffer, index, source, f1, f2, f3)`` adds three rows to forces, and ``give_few`` does so where
+        most are zero.
     """
     L, last, helices = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices
     row = np.uint64(stride_of(helices, grid.lanes))
@@ -69,7 +70,19 @@ def transfer_kernels(grid):
                 b[f2 + target] += b[source + row + k]
                 b[f3 + target] += b[source + row + row + k]
 
-    return fetch, fetch_radius, give
+    @kernel
+    def give_few(b, index, source, f1, f2, f3):
+        for j in range(helices):
+            for i in range(ONE, last):
+                k = np.uint64(j) * L + i
+                g1, g2, g3 = b[source + k], b[source + row + k], b[source + row + row + k]
+                if g1 != 0.0 or g2 != 0.0 or g3 != 0.0:
+                    target = index[k]
+                    b[f1 + target] += g1
+                    b[f2 + target] += g2
+                    b[f3 + target] += g3
+
+    return fetch, fetch_radius, give, give_few
 
 
 def crossing_kernels(grid: AssemblyGrid, published: bool = False):
@@ -89,7 +102,7 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
     ring_radius = tuple(c[f"{place}_RADIUS"] for place in RING_PLACES if place != "O")
     helix_rows = tuple(c[f"{place}1"] for place in HELIX_PLACES)
     helix_radius = tuple(c[f"{place}_RADIUS"] for place in HELIX_PLACES)
-    fetch, fetch_radius, give = transfer_kernels(grid)
+    fetch, fetch_radius, give, give_few = transfer_kernels(grid)
 
     @kernel
     def gather(b, ring_index, helix_index):
@@ -131,7 +144,7 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
         # Contact force over distance, from the overlap at the distance vector d.
         distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
         overlap = max(reach - distance, 0.0)
-        return stiffness * overlap * np.sqrt(overlap / (1 + effective * overlap)) / distance
+        return stiffness * overlap * np.sqrt(overlap / (1.0 + effective * overlap)) / distance
 
     @kernel
     def connect(b):
@@ -185,8 +198,11 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
 
     @kernel
     def scatter(b, ring_index, helix_index):
-        for place in range(5):
+        # The helix nodes between two rings seldom reach the ring nodes furthest from the crossing, A and E.
+        give_few(b, ring_index[0], ring_forces[0], RF1, RF2, RF3)
+        for place in range(1, 4):
             give(b, ring_index[place], ring_forces[place], RF1, RF2, RF3)
+        give_few(b, ring_index[4], ring_forces[4], RF1, RF2, RF3)
         if not published:
             give(b, ring_index[5], FO1, RF1, RF2, RF3)
         for place in range(3):

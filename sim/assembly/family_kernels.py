@@ -12,9 +12,9 @@ increments of tension phi:
 
     (1 / G_k + w_k + w_{k+1}) phi_k - w_{k+1} t_k.t_{k+1} phi_{k+1} - w_k t_k.t_{k-1} phi_{k-1} = t_k.(dv_{k+1} - dv_k)
 
-with G = A (c + h K / 4) / (e L) and w the mobility of a node over one step: tridiagonal for an open rod, cyclic for a ring (Sherman &
-Morrison 1950, Ann. Math. Stat. 21:124). The neighbour of an element stands `step` numbers away in its row: 1 for open rods, the number of
-lanes for rings.
+with G = A (c + h K / 4) / (e L), the row VISCOSITY, and w the mobility of a node over one step: tridiagonal for an open rod, cyclic for a
+ring (Sherman & Morrison 1950, Ann. Math. Stat. 21:124). The neighbour of an element stands `step` numbers away in its row: 1 for open rods,
+the number of lanes for rings.
 """
 
 import numpy as np
@@ -25,6 +25,8 @@ from ..physics.rotation_kernels import joint_curvature, small_rotation, turned
 from .layout import AssemblyRow, stride_of
 
 ONE = np.uint64(1)
+NOTHING = 1e-30
+"""Viscosity (kg/s) of what is no element."""
 
 
 def family_offsets(grid, rings):
@@ -34,7 +36,7 @@ def family_offsets(grid, rings):
     return {row.name: np.uint64(start + row * stride) for row in AssemblyRow}
 
 
-def family_kernels(grid, rings, graded=False):
+def family_kernels(grid, rings, graded=False, plain=False):
     """Compile the kernels of one family of rods.
 
     Parameters
@@ -44,6 +46,9 @@ def family_kernels(grid, rings, graded=False):
         Whether the family is the rings, or the open rods.
     graded : bool
         Whether its elements differ in strength and pace (rows of that name).
+    plain : bool
+        Whether no connection turns its elements (rows C are not read), and what damping leaves of a node's velocity is kept by the kick, in
+        the rows MMINUS, which have served the spin by then.
 
     Returns
     -------
@@ -58,16 +63,15 @@ def family_kernels(grid, rings, graded=False):
     F1, F2, F3, C1, C2, C3 = (o[f"{field}{i}"] for field in "FC" for i in (1, 2, 3))
     TORQUE1, TORQUE2, TORQUE3, REST1, REST2, REST3 = (o[f"{field}{i}"] for field in ("TORQUE", "REST") for i in (1, 2, 3))
     P1, P2, P3, R1, R2, R3 = (o[f"{field}{i}"] for field in ("MPLUS", "MMINUS") for i in (1, 2, 3))
-    LENGTH, SHEAR, AREA, REST_RADIUS, STRETCH, RATE, RADIUS = (
-        o[k] for k in ("LENGTH", "SHEAR", "AREA", "REST_RADIUS", "STRETCH", "RATE", "RADIUS")
-    )
-    JOINT_LENGTH, BEND, TWIST, LEVEL_BEFORE, LEVEL_AFTER = (o[k] for k in ("JOINT_LENGTH", "BEND", "TWIST", "LEVEL_BEFORE", "LEVEL_AFTER"))
+    LENGTH, INVERSE_LENGTH, SHEAR, AREA, STRETCH, RATE = (o[k] for k in "LENGTH INVERSE_LENGTH SHEAR AREA STRETCH RATE".split())
+    JOINT_LENGTH, INVERSE_JOINT, BEND, TWIST = (o[k] for k in ("JOINT_LENGTH", "INVERSE_JOINT", "BEND", "TWIST"))
+    LEVEL_BEFORE, LEVEL_AFTER = o["LEVEL_BEFORE"], o["LEVEL_AFTER"]
     STRENGTH, PACE = o["STRENGTH"], o["PACE"]
     NODE_DECAY, NODE_MOBILITY, BEND_DECAY, TWIST_DECAY = (o[k] for k in ("NODE_DECAY", "NODE_MOBILITY", "BEND_DECAY", "TWIST_DECAY"))
     BEND_MOBILITY, TWIST_MOBILITY, BEND_INERTIA, TWIST_INERTIA = (
         o[k] for k in ("BEND_MOBILITY", "TWIST_MOBILITY", "BEND_INERTIA", "TWIST_INERTIA")
     )
-    YIELD, SCALE, IMPULSE, CORRECTION = (o[k] for k in ("YIELD", "SCALE", "IMPULSE", "CORRECTION"))
+    VISCOSITY, SCALE, IMPULSE, CORRECTION = (o[k] for k in ("VISCOSITY", "SCALE", "IMPULSE", "CORRECTION"))
 
     @kernel
     def drift(b, first, last, h):
@@ -87,51 +91,49 @@ def family_kernels(grid, rings, graded=False):
             q = k + step
             d1, d2, d3 = b[X1 + q] - b[X1 + k], b[X2 + q] - b[X2 + k], b[X3 + q] - b[X3 + k]
             length = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
-            inverse = 1 / length
+            inverse = 1.0 / length
             t1, t2, t3 = d1 * inverse, d2 * inverse, d3 * inverse
-            rest = b[LENGTH + k]
-            stretch = length / rest
-            unstretch = rest * inverse
+            rest, per_rest = b[LENGTH + k], b[INVERSE_LENGTH + k]
+            stretch, unstretch = length * per_rest, rest * inverse
             u1, u2, u3 = b[V1 + q] - b[V1 + k], b[V2 + q] - b[V2 + k], b[V3 + q] - b[V3 + k]
-            rate = (t1 * u1 + t2 * u2 + t3 * u3) / rest
+            rate = (t1 * u1 + t2 * u2 + t3 * u3) * per_rest
             level = b[LEVEL_BEFORE + k] + share * (b[LEVEL_AFTER + k] - b[LEVEL_BEFORE + k])
             strength, pace = (b[STRENGTH + k], b[PACE + k]) if graded else (1.0, 1.0)
             isometric = strength * level * isometric_stress(law, stretch)
             viscosity = pace * isometric * hill_secant(law, pace * rate)
             stress = (strength if stretch > 1.0 else 1.0) * passive_stress(law, stretch) + isometric + viscosity * rate
             area = b[AREA + k]
-            b[YIELD + k] = length / (area * (viscosity + elastic * passive_tangent(law, stretch)) + 1e-30)
+            b[VISCOSITY + k] = area * (viscosity + elastic * passive_tangent(law, stretch)) * inverse
             m1 = b[Q11 + k] * t1 + b[Q12 + k] * t2 + b[Q13 + k] * t3
             m2 = b[Q21 + k] * t1 + b[Q22 + k] * t2 + b[Q23 + k] * t3
             m3 = b[Q31 + k] * t1 + b[Q32 + k] * t2 + b[Q33 + k] * t3
             s1, s2 = b[SHEAR + k] * m1, b[SHEAR + k] * m2
             tension = area * stress * unstretch
-            b[STRETCH + k], b[RATE + k], b[RADIUS + k] = stretch, rate, b[REST_RADIUS + k] * np.sqrt(unstretch)
+            b[STRETCH + k], b[RATE + k] = stretch, rate
             b[T1 + k], b[T2 + k], b[T3 + k] = t1, t2, t3
             b[N1 + k] = b[Q11 + k] * s1 + b[Q21 + k] * s2 + tension * t1
             b[N2 + k] = b[Q12 + k] * s1 + b[Q22 + k] * s2 + tension * t2
             b[N3 + k] = b[Q13 + k] * s1 + b[Q23 + k] * s2 + tension * t3
             w1, w2, w3 = b[W1 + k], b[W2 + k], b[W3 + k]
-            j1, j2, j3 = b[BEND_INERTIA + k] * w1 * unstretch, b[BEND_INERTIA + k] * w2 * unstretch, b[TWIST_INERTIA + k] * w3 * unstretch
-            swelling = rate * unstretch
-            lever = length
-            b[TORQUE1 + k] = -m3 * s2 * lever + j2 * w3 - j3 * w2 + j1 * swelling
-            b[TORQUE2 + k] = m3 * s1 * lever + j3 * w1 - j1 * w3 + j2 * swelling
-            b[TORQUE3 + k] = (m1 * s2 - m2 * s1) * lever + j1 * w2 - j2 * w1 + j3 * swelling
+            bending, twisting = b[BEND_INERTIA + k] * unstretch, b[TWIST_INERTIA + k] * unstretch
+            # The gyroscopic torque, of which a round section has none about its axis.
+            swelling, gyro = rate * unstretch, (bending - twisting) * w3
+            b[TORQUE1 + k] = -m3 * s2 * length + gyro * w2 + bending * swelling * w1
+            b[TORQUE2 + k] = m3 * s1 * length - gyro * w1 + bending * swelling * w2
+            b[TORQUE3 + k] = (m1 * s2 - m2 * s1) * length + twisting * swelling * w3
 
     @kernel
     def bend(b, first, last):
         for k in range(first, last):
             p = k - step
-            joint = b[JOINT_LENGTH + k]
-            inverse = 1 / joint
+            joint, inverse = b[JOINT_LENGTH + k], b[INVERSE_JOINT + k]
             k1, k2, k3 = joint_curvature(
                 b[Q11 + p], b[Q12 + p], b[Q13 + p], b[Q21 + p], b[Q22 + p], b[Q23 + p], b[Q31 + p], b[Q32 + p], b[Q33 + p],
                 b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k],
                 inverse,
             )  # fmt: skip
             swell = 0.5 * (b[STRETCH + k] * b[LENGTH + k] + b[STRETCH + p] * b[LENGTH + p]) * inverse
-            soften = 1 / (swell * swell * swell)
+            soften = 1.0 / (swell * swell * swell)
             bending, twisting = b[BEND + k] * soften, b[TWIST + k] * soften
             m1, m2, m3 = bending * (k1 - b[REST1 + k]), bending * (k2 - b[REST2 + k]), twisting * (k3 - b[REST3 + k])
             half = 0.5 * joint
@@ -145,19 +147,26 @@ def family_kernels(grid, rings, graded=False):
         for k in range(first, last):
             p = k - step
             decay, mobility = b[NODE_DECAY + k], b[NODE_MOBILITY + k]
-            b[V1 + k] = decay * b[V1 + k] + mobility * (b[N1 + k] - b[N1 + p] + b[F1 + k])
-            b[V2 + k] = decay * b[V2 + k] + mobility * (b[N2 + k] - b[N2 + p] + b[F2 + k])
-            b[V3 + k] = decay * b[V3 + k] + mobility * (b[N3 + k] - b[N3 + p] + b[F3 + k])
+            v1, v2, v3 = decay * b[V1 + k], decay * b[V2 + k], decay * b[V3 + k]
+            if plain:
+                b[R1 + k], b[R2 + k], b[R3 + k] = v1, v2, v3
+            b[V1 + k] = v1 + mobility * (b[N1 + k] - b[N1 + p] + b[F1 + k])
+            b[V2 + k] = v2 + mobility * (b[N2 + k] - b[N2 + p] + b[F2 + k])
+            b[V3 + k] = v3 + mobility * (b[N3 + k] - b[N3 + p] + b[F3 + k])
 
     @kernel
     def spin(b, first, last):
         for k in range(first, last):
             q = k + step
             bend_decay, bend_mobility = b[BEND_DECAY + k], b[BEND_MOBILITY + k] * b[STRETCH + k]
-            c1, c2, c3 = b[C1 + k], b[C2 + k], b[C3 + k]
-            torque1 = b[P1 + q] - b[R1 + k] + b[TORQUE1 + k] + b[Q11 + k] * c1 + b[Q12 + k] * c2 + b[Q13 + k] * c3
-            torque2 = b[P2 + q] - b[R2 + k] + b[TORQUE2 + k] + b[Q21 + k] * c1 + b[Q22 + k] * c2 + b[Q23 + k] * c3
-            torque3 = b[P3 + q] - b[R3 + k] + b[TORQUE3 + k] + b[Q31 + k] * c1 + b[Q32 + k] * c2 + b[Q33 + k] * c3
+            torque1 = b[P1 + q] - b[R1 + k] + b[TORQUE1 + k]
+            torque2 = b[P2 + q] - b[R2 + k] + b[TORQUE2 + k]
+            torque3 = b[P3 + q] - b[R3 + k] + b[TORQUE3 + k]
+            if not plain:
+                c1, c2, c3 = b[C1 + k], b[C2 + k], b[C3 + k]
+                torque1 = torque1 + b[Q11 + k] * c1 + b[Q12 + k] * c2 + b[Q13 + k] * c3
+                torque2 = torque2 + b[Q21 + k] * c1 + b[Q22 + k] * c2 + b[Q23 + k] * c3
+                torque3 = torque3 + b[Q31 + k] * c1 + b[Q32 + k] * c2 + b[Q33 + k] * c3
             b[W1 + k] = bend_decay * b[W1 + k] + bend_mobility * torque1
             b[W2 + k] = bend_decay * b[W2 + k] + bend_mobility * torque2
             b[W3 + k] = b[TWIST_DECAY + k] * b[W3 + k] + b[TWIST_MOBILITY + k] * b[STRETCH + k] * torque3
@@ -168,7 +177,7 @@ def family_kernels(grid, rings, graded=False):
             q = k + step
             t1, t2, t3 = b[T1 + k], b[T2 + k], b[T3 + k]
             along = t1 * (b[V1 + q] - b[V1 + k]) + t2 * (b[V2 + q] - b[V2 + k]) + t3 * (b[V3 + q] - b[V3 + k])
-            b[SCALE + k] = b[YIELD + k] + b[NODE_MOBILITY + k] + b[NODE_MOBILITY + q]
+            b[SCALE + k] = 1.0 / (b[VISCOSITY + k] + NOTHING) + b[NODE_MOBILITY + k] + b[NODE_MOBILITY + q]
             b[CORRECTION + k] = -b[NODE_MOBILITY + q] * (t1 * b[T1 + q] + t2 * b[T2 + q] + t3 * b[T3 + q])
             b[IMPULSE + k] = along - b[RATE + k] * b[LENGTH + k]
 
@@ -203,7 +212,7 @@ def open_solver(grid):
             for _ in range(rods):
                 p = k - ONE
                 coupling = b[CORRECTION + p]
-                scale = 1 / (b[SCALE + k] - coupling * coupling * b[SCALE + p])
+                scale = 1.0 / (b[SCALE + k] - coupling * coupling * b[SCALE + p])
                 b[SCALE + k] = scale
                 b[IMPULSE + k] = scale * (b[IMPULSE + k] - coupling * b[IMPULSE + p])
                 k += jump
@@ -231,7 +240,7 @@ def ring_solver(grid):
         for i in range(width):
             k, last = width + i, end + i
             corner, head = b[CORRECTION + last], b[SCALE + k]
-            scale = 1 / (2 * head)
+            scale = 1.0 / (2.0 * head)
             b[SCALE + last] += corner * corner / head
             b[SCALE + k], b[IMPULSE + k], b[CYCLE + k] = scale, scale * b[IMPULSE + k], -0.5
         for node in range(np.uint64(2), np.uint64(nodes + 1)):
@@ -240,7 +249,7 @@ def ring_solver(grid):
                 k = base + i
                 p = k - width
                 coupling = b[CORRECTION + p]
-                scale = 1 / (b[SCALE + k] - coupling * coupling * b[SCALE + p])
+                scale = 1.0 / (b[SCALE + k] - coupling * coupling * b[SCALE + p])
                 b[SCALE + k] = scale
                 b[IMPULSE + k] = scale * (b[IMPULSE + k] - coupling * b[IMPULSE + p])
                 b[CYCLE + k] = -scale * coupling * b[CYCLE + p]
@@ -259,9 +268,9 @@ def ring_solver(grid):
         for i in range(width):
             k, last = width + i, end + i
             # u = (-d, 0, ..., c), v = (1, 0, ..., -c / d) with d the first diagonal, which the first pivot still holds.
-            ratio = -2 * b[CORRECTION + last] * b[SCALE + k]
+            ratio = -2.0 * b[CORRECTION + last] * b[SCALE + k]
             top = b[IMPULSE + k] + ratio * b[IMPULSE + last]
-            b[SCALE + i] = top / (1 + b[CYCLE + k] + ratio * b[CYCLE + last])
+            b[SCALE + i] = top / (1.0 + b[CYCLE + k] + ratio * b[CYCLE + last])
         for node in range(ONE, np.uint64(nodes + 1)):
             base = node * width
             for i in range(width):
@@ -314,13 +323,12 @@ def ring_spin_brake(grid):
     o, lanes, nodes = family_offsets(grid, True), grid.lanes, grid.ring_nodes
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     W1, W2, W3, MEAN1, MEAN2, MEAN3 = (o[k] for k in ("W1", "W2", "W3", "SCALE", "IMPULSE", "CORRECTION"))
-    width, last = np.uint64(lanes), np.uint64(nodes + 1)
+    width, last, part = np.uint64(lanes), np.uint64(nodes + 1), 1 / nodes
 
     @kernel
     def brake(b, share):
         for i in range(width):
             b[MEAN1 + i], b[MEAN2 + i], b[MEAN3 + i] = 0.0, 0.0, 0.0
-        part = 1 / nodes
         for node in range(ONE, last):
             base = node * width
             for i in range(width):

@@ -49,12 +49,12 @@ def ring_joints(grid: AssemblyGrid):
         for k in range(begin, end):
             s1, s2, s3 = b[S1 + k], b[S2 + k], b[S3 + k]
             o1, o2, o3 = s1 - b[S1 + k + half], s2 - b[S2 + k + half], s3 - b[S3 + k + half]
-            wide = 1 / np.sqrt(o1 * o1 + o2 * o2 + o3 * o3)
+            wide = 1.0 / np.sqrt(o1 * o1 + o2 * o2 + o3 * o3)
             o1, o2, o3 = o1 * wide, o2 * wide, o3 * wide
             h1 = b[S1 + k + quarter] - b[S1 + k - quarter]
             h2 = b[S2 + k + quarter] - b[S2 + k - quarter]
             h3 = b[S3 + k + quarter] - b[S3 + k - quarter]
-            across = 1 / np.sqrt(h1 * h1 + h2 * h2 + h3 * h3)
+            across = 1.0 / np.sqrt(h1 * h1 + h2 * h2 + h3 * h3)
             h1, h2, h3 = h1 * across, h2 * across, h3 * across
             b[H1 + k], b[H2 + k], b[H3 + k], b[ACROSS + k] = h1, h2, h3, across
             radius, spring, lock = b[RADIUS + k], b[R_SPRING + k], b[R_TORQUE + k]
@@ -64,7 +64,7 @@ def ring_joints(grid: AssemblyGrid):
             along = f1 * o1 + f2 * o2 + f3 * o3
             distance = np.sqrt(c1 * c1 + c2 * c2 + c3 * c3)
             overlap = max(reach - distance, 0.0)
-            push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / (1 + b[R_EFFECTIVE + k] * overlap))
+            push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / (1.0 + b[R_EFFECTIVE + k] * overlap))
             unit = push / distance
             # The lock pulls the edge w towards its direction in the ring, and turns the ring's own directions the other way.
             d1, d2, d3 = b[D1 + k], b[D2 + k], b[D3 + k]

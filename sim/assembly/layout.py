@@ -30,22 +30,23 @@ class AssemblyRow(Rows):
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (auto() for _ in range(9))
     W1, W2, W3 = (auto() for _ in range(3))
     # Parameters: rest length, shear stiffness, rest radius, area; joint length, bend and twist stiffness, rest curvature; of a slab's
-    # section, the share that moves with this rod.
+    # section, the share that moves with this rod; one over the lengths.
     LENGTH, SHEAR, REST_RADIUS, AREA, JOINT_LENGTH, BEND, TWIST, REST1, REST2, REST3, SECTION = (auto() for _ in range(11))
+    INVERSE_LENGTH, INVERSE_JOINT = (auto() for _ in range(2))
     NODE_DECAY, NODE_MOBILITY, BEND_DECAY, TWIST_DECAY, BEND_MOBILITY, TWIST_MOBILITY = (auto() for _ in range(6))
     BEND_INERTIA, TWIST_INERTIA, LEVEL_BEFORE, LEVEL_AFTER, STRENGTH, PACE = (auto() for _ in range(6))
     # Scratch: F and C collect the forces on nodes and the couples on elements of the connections.
     STRETCH, RATE, RADIUS, T1, T2, T3, N1, N2, N3, TORQUE1, TORQUE2, TORQUE3 = (auto() for _ in range(12))
     MPLUS1, MPLUS2, MPLUS3, MMINUS1, MMINUS2, MMINUS3 = (auto() for _ in range(6))
     F1, F2, F3, C1, C2, C3 = (auto() for _ in range(6))
-    YIELD, SCALE, IMPULSE, CORRECTION = (auto() for _ in range(4))
+    VISCOSITY, SCALE, IMPULSE, CORRECTION = (auto() for _ in range(4))
 
 
 class SpokeRow(Rows):
     """Rows of the spokes' buffer."""
 
-    # Ring node, ring radius; longitudinal element: centre, edge, directors, radius, root of stretch; the cord's, repeated.
-    S1, S2, S3, RING_RADIUS = (auto() for _ in range(4))
+    # Ring node; longitudinal element: centre, edge, directors, radius, one over the root of stretch; the cord's, repeated.
+    S1, S2, S3 = (auto() for _ in range(3))
     M1, M2, M3, D1, D2, D3, RADIUS, UNROOT = (auto() for _ in range(8))
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (auto() for _ in range(9))
     A1, A2, A3, CORD_RADIUS, CORD_UNROOT = (auto() for _ in range(5))
@@ -54,6 +55,7 @@ class SpokeRow(Rows):
     CU11, CU12, CU13, CU21, CU22, CU23, C_GAP, C_SPRING, C_CONTACT = (auto() for _ in range(9))
     NU11, NU12, NU13, NU21, NU22, NU23, N_GAP, N_SPRING, N_CONTACT = (auto() for _ in range(9))
     R_SPRING, R_TORQUE, R_LEAN, R_CONTACT, R_NEXT, R_REPULSION, R_EFFECTIVE = (auto() for _ in range(7))
+    RING_RADIUS = auto()  # renewed in every step by the published laws
     # Results: on the muscle (F force on the element, T couple, SUM what loads its axis), on the first muscle's neighbour (_N), on the cord
     # (_C), on the ring node (_R). In the published laws SUM and G keep the books of its pressure, the ring's element takes a couple (T_R)
     # and the next ring's node a force (_X), and O, P are the directions of the joint.

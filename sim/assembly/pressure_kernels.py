@@ -64,7 +64,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
     WEIGHT, RATE, SCALE, COUPLING, IMPULSE, COMPLIANCE = (t[k] for k in "WEIGHT RATE SCALE COUPLING IMPULSE COMPLIANCE".split())
     RX1, RX2, RX3, RV1, RV2, RV3, RF1, RF2, RF3 = (g[f"{f}{i}"] for f in "XVF" for i in (1, 2, 3))
     X1, X2, X3, V1, V2, V3, N1, N2, N3 = (o[f"{f}{i}"] for f in "XVN" for i in (1, 2, 3))
-    SECTION, MOBILITY, RING_MOBILITY, YIELD = o["SECTION"], o["NODE_MOBILITY"], g["NODE_MOBILITY"], g["YIELD"]
+    SECTION, MOBILITY, RING_MOBILITY, VISCOSITY = o["SECTION"], o["NODE_MOBILITY"], g["NODE_MOBILITY"], g["VISCOSITY"]
     hoop = (2 - 2 * cos(tau / nodes)) / nodes
     begin = ONE if sliding else ONE + ONE
 
@@ -96,7 +96,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
         for i in range(ONE, last):
             volume = b[A1 + i] * b[E1 + i] + b[A2 + i] * b[E2 + i] + b[A3 + i] * b[E3 + i]
             b[VOLUME + i] = volume
-            b[PRESSURE + i] = b[BULK + i] * (1 - volume / b[REST + i])
+            b[PRESSURE + i] = b[BULK + i] * (1.0 - volume / b[REST + i])
 
     @kernel
     def press(b):
@@ -124,7 +124,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
         b[COUPLING + last - ONE], b[IMPULSE + last] = 0.0, 0.0
         for i in range(begin, last):
             coupling = b[COUPLING + i - ONE]
-            scale = 1 / (b[COMPLIANCE + i] + b[SCALE + i] - coupling * coupling * b[SCALE + i - ONE])
+            scale = 1.0 / (b[COMPLIANCE + i] + b[SCALE + i] - coupling * coupling * b[SCALE + i - ONE])
             b[SCALE + i] = scale
             b[IMPULSE + i] = -scale * (b[RATE + i] + coupling * b[IMPULSE + i - ONE])
         i = last - ONE
@@ -140,9 +140,9 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
         for node in range(1, nodes + 1):
             here = np.uint64(node) * L
             for i in range(ONE, last):
-                b[WEIGHT + i] += 1 / b[YIELD + here + i]
+                b[WEIGHT + i] += b[VISCOSITY + here + i]
         for i in range(ONE, last):
-            b[WEIGHT + i] = 1 / (1 + hoop * b[RING_MOBILITY + L + i] * b[WEIGHT + i])
+            b[WEIGHT + i] = 1.0 / (1.0 + hoop * b[RING_MOBILITY + L + i] * b[WEIGHT + i])
         for node in range(1, nodes + 1):
             here, (before, after) = np.uint64(node) * L, beside(node)
             for i in range(ONE, last):

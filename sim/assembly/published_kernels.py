@@ -94,13 +94,13 @@ def published_strain(grid, rings, graded=False, bare=False):
 def velocity_filters(grid, rings=True):
     """Compile ``smooth(buffer, first, last)``, the filter of velocities and spins of the open rods (up to `last`) and the `rings`.
 
-    Rows YIELD and RATE of the open rods hold one at inner nodes and inner elements, zero elsewhere.
+    Rows VISCOSITY and RATE of the open rods hold one at inner nodes and inner elements, zero elsewhere.
     """
     o, g = family_offsets(grid, False), family_offsets(grid, True)
     speeds, spins = ("V1", "V2", "V3"), ("W1", "W2", "W3")
     open_rows = tuple(o[name] for name in speeds + spins)
     ring_rows = tuple(g[name] for name in speeds + spins)
-    A, B, NODES, ELEMENTS, RING_A, RING_B = o["IMPULSE"], o["CORRECTION"], o["YIELD"], o["RATE"], g["IMPULSE"], g["CORRECTION"]
+    A, B, NODES, ELEMENTS, RING_A, RING_B = o["IMPULSE"], o["CORRECTION"], o["VISCOSITY"], o["RATE"], g["IMPULSE"], g["CORRECTION"]
     L, end, behind = np.uint64(grid.lanes), np.uint64(grid.ring_nodes * grid.lanes), np.uint64(grid.ring_nodes + 1)
 
     @kernel

@@ -25,21 +25,12 @@ ONE = np.uint64(1)
 
 
 def ring_mass_kernels(grid: AssemblyGrid):
-    """Compile ``keep(buffer)``, to be called before the kick of the ring nodes, and ``smooth(buffer)``.
-
-    What damping leaves of the old velocities is kept in the rows MMINUS of the rings, which must have served their spin by then.
-    """
+    """Compile ``smooth(buffer)``; the rows MMINUS of the rings hold what damping has left of the old velocities."""
     g, t = family_offsets(grid, True), slab_offsets(grid)
     L, nodes = np.uint64(grid.lanes), np.uint64(grid.ring_nodes)
     rows, kept = (tuple(g[f"{f}{i}"] for i in (1, 2, 3)) for f in ("V", "MMINUS"))
-    DECAY, ROOT, UNROOT, GAIN, POWER, CLOSURE = g["NODE_DECAY"], *(t[k] for k in ("ROOT", "UNROOT", "GAIN", "POWER", "CLOSURE"))
+    ROOT, UNROOT, GAIN, POWER, CLOSURE = (t[k] for k in ("ROOT", "UNROOT", "GAIN", "POWER", "CLOSURE"))
     UP, DOWN, WRAP = t["UP"], t["DOWN"], t["WRAP"]
-
-    @kernel
-    def keep(b):
-        for row in range(3):
-            for k in range(L, (nodes + ONE) * L):
-                b[kept[row] + k] = b[DECAY + k] * b[rows[row] + k]
 
     @kernel
     def smooth(b):
@@ -72,4 +63,4 @@ def ring_mass_kernels(grid: AssemblyGrid):
                     b[v + k] = b[old + k] + b[GAIN + i] * (b[v + k] + b[WRAP + i])
                     b[WRAP + i] *= b[UNROOT + i]
 
-    return keep, smooth
+    return smooth

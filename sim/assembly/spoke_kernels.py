@@ -26,18 +26,22 @@ def spoke_offsets(grid: AssemblyGrid) -> dict[str, np.uint64]:
     return {row.name: np.uint64(start + row * stride) for row in SpokeRow}
 
 
-def gather_kernel(grid: AssemblyGrid, ring_radius: str):
-    """Compile the copying of what the spokes need, with the directions of the cord's connections and a row of the rings' radii."""
+def gather_kernel(grid: AssemblyGrid, published: bool):
+    """Compile the copying of what the spokes need, with radii and the directions of the cord's connections.
+
+    The published laws take the rings' present radii, all others those at rest, which are parameters.
+    """
     o, g, s = family_offsets(grid, False), family_offsets(grid, True), spoke_offsets(grid)
     width = np.uint64(grid.lanes)
     slots, first, spokes, pitch, ring_nodes = grid.spoke_slots, grid.first_spoke, grid.spokes, grid.spoke_pitch, grid.ring_nodes
     behind = first + spokes
-    ring_from = tuple(g[name] for name in ("X1", "X2", "X3", ring_radius))
+    ring_from = tuple(g[name] for name in ("X1", "X2", "X3", "RADIUS"))
     ring_to = tuple(s[name] for name in ("S1", "S2", "S3", "RING_RADIUS"))
-    names = ("Q11", "Q12", "Q13", "Q21", "Q22", "Q23", "Q31", "Q32", "Q33", "RADIUS")
+    names = ("Q11", "Q12", "Q13", "Q21", "Q22", "Q23", "Q31", "Q32", "Q33")
     rod_from, rod_to = tuple(o[name] for name in names), tuple(s[name] for name in names)
     X, D, M, A = (tuple(table[f"{f}{i}"] for i in (1, 2, 3)) for table, f in ((o, "X"), (s, "D"), (s, "M"), (s, "A")))
-    STRETCH, UNROOT, RADIUS, CORD_RADIUS, CORD_UNROOT = o["STRETCH"], s["UNROOT"], o["RADIUS"], s["CORD_RADIUS"], s["CORD_UNROOT"]
+    STRETCH, REST_RADIUS, PRESENT = (o[k] for k in ("STRETCH", "REST_RADIUS", "RADIUS"))
+    UNROOT, RADIUS, CORD_RADIUS, CORD_UNROOT = (s[k] for k in ("UNROOT", "RADIUS", "CORD_RADIUS", "CORD_UNROOT"))
     U = tuple(s[f"U{i}"] for i in (1, 2, 3))
     CU1, CU2, CU3 = (s[f"CU1{i}"] for i in (1, 2, 3))
     Q = tuple(tuple(o[f"Q{j}{i}"] for j in (1, 2, 3)) for i in (1, 2, 3))
@@ -48,22 +52,29 @@ def gather_kernel(grid: AssemblyGrid, ring_radius: str):
             b[target + i] = b[source + i]
 
     @kernel
+    def thickness(b, rod, radius, unroot):
+        # An element keeps its volume.
+        for i in range(width):
+            thinner = 1.0 / np.sqrt(b[STRETCH + rod + i])
+            b[unroot + i] = thinner
+            b[radius + i] = b[PRESENT + rod + i] if published else b[REST_RADIUS + rod + i] * thinner
+
+    @kernel
     def gather(b):
         for slot in range(slots):
             node = np.uint64((pitch * (slot - first)) % ring_nodes + 1)
-            for row in range(4):
+            for row in range(4 if published else 3):
                 copy(b, ring_from[row] + node * width, ring_to[row] + np.uint64(slot) * width)
         for slot in range(first, behind + 1):
             rod, here = np.uint64((slot - first) % spokes + 1) * width, np.uint64(slot) * width
-            for row in range(10):
+            for row in range(9):
                 copy(b, rod_from[row] + rod, rod_to[row] + here)
             for row in range(3):
                 for i in range(width):
                     start, end = b[X[row] + rod + i], b[X[row] + rod + i + ONE]
                     b[D[row] + here + i] = end - start
                     b[M[row] + here + i] = 0.5 * (end + start)
-            for i in range(width):
-                b[UNROOT + here + i] = 1 / np.sqrt(b[STRETCH + rod + i])
+            thickness(b, rod, RADIUS + here, UNROOT + here)
         for slot in range(first, behind):
             here = np.uint64(slot) * width
             for row in range(3):
@@ -72,9 +83,7 @@ def gather_kernel(grid: AssemblyGrid, ring_radius: str):
                 q1, q2, q3 = Q[row]
                 for i in range(width):
                     b[U[row] + here + i] = b[q1 + i] * b[CU1 + here + i] + b[q2 + i] * b[CU2 + here + i] + b[q3 + i] * b[CU3 + here + i]
-            copy(b, RADIUS, CORD_RADIUS + here)
-            for i in range(width):
-                b[CORD_UNROOT + here + i] = 1 / np.sqrt(b[STRETCH + i])
+            thickness(b, np.uint64(0), CORD_RADIUS + here, CORD_UNROOT + here)
 
     return gather
 
@@ -114,7 +123,7 @@ def beside_kernel(grid: AssemblyGrid, published: bool):
                     distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
                     overlap = b[THICK + r] + b[RADIUS + k] - distance
                     if overlap > 0:
-                        push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / (1 + b[R_EFFECTIVE + k] * overlap))
+                        push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / (1.0 + b[R_EFFECTIVE + k] * overlap))
                         d1, d2, d3 = d1 * push / distance, d2 * push / distance, d3 * push / distance
                         b[RF1 + r] += d1
                         b[RF2 + r] += d2
@@ -169,17 +178,15 @@ def share_kernel(grid: AssemblyGrid):
     L, last, straight = np.uint64(grid.lanes), np.uint64(grid.rings + 1), np.uint64(grid.straight_rods)
     first = np.uint64(grid.first_spoke * grid.lanes)
     V1, V2, V3, D1, D2, D3 = (o[f"{f}{i}"] for f in "VT" for i in (1, 2, 3))
-    LF1, LF2, LF3, LC1, LC2, LC3, LRADIUS, STRETCH, LENGTH = (
-        o[k] for k in ("F1", "F2", "F3", "C1", "C2", "C3", "RADIUS", "STRETCH", "LENGTH")
-    )
+    LF1, LF2, LF3, LC1, LC2, LC3, STRETCH, LENGTH = (o[k] for k in ("F1", "F2", "F3", "C1", "C2", "C3", "STRETCH", "LENGTH"))
     E1, E2, E3 = o["SCALE"], o["IMPULSE"], o["CORRECTION"]
-    F1, F2, F3, T1, T2, T3 = (s[k] for k in ("F1", "F2", "F3", "T1", "T2", "T3"))
+    F1, F2, F3, T1, T2, T3, RADIUS = (s[k] for k in ("F1", "F2", "F3", "T1", "T2", "T3", "RADIUS"))
 
     @kernel
     def share(b, normal_drag, tangent_drag):
         for k in range(L * straight):
             n = k + first - L
-            radius, length = b[LRADIUS + k], b[STRETCH + k] * b[LENGTH + k]
+            radius, length = b[RADIUS + n], b[STRETCH + k] * b[LENGTH + k]
             t1, t2, t3 = b[D1 + k], b[D2 + k], b[D3 + k]
             wet = 1.0 if k >= L else 0.0
             v1, v2, v3 = 0.5 * (b[V1 + k] + b[V1 + k + ONE]), 0.5 * (b[V2 + k] + b[V2 + k + ONE]), 0.5 * (b[V3 + k] + b[V3 + k + ONE])

@@ -66,7 +66,7 @@ class Step(NamedTuple):
 
 def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) -> Terms:
     """Terms of the default numerics: joints with a potential, slabs that keep their volume, implicit muscle viscosity."""
-    gather, (cord, neighbours), (ring_muscle, ring_ring) = gather_kernel(grid, "REST_RADIUS"), side_kernels(grid, False), ring_joints(grid)
+    gather, (cord, neighbours), (ring_muscle, ring_ring) = gather_kernel(grid, False), side_kernels(grid, False), ring_joints(grid)
     beside, collect, (load, hand_on), share_out = (
         beside_kernel(grid, False),
         collect_kernel(grid, RESULTS),
@@ -74,9 +74,9 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) ->
         share_kernel(grid),
     )
     volumes, press, project_slabs = pressure_kernels(grid, traits.sliding)
-    keep_rings, smooth_rings = ring_mass_kernels(grid)
+    smooth_rings = ring_mass_kernels(grid)
     steady, hold, even = ring_spin_brake(grid), cord_brake(grid), traits.even
-    rods, rings = family_kernels(grid, False), family_kernels(grid, True, traits.graded)
+    rods, rings = family_kernels(grid, False), family_kernels(grid, True, traits.graded, plain=True)
     first_node, last_node = ONE + ONE, np.uint64(grid.rings + 2)
 
     @kernel
@@ -108,13 +108,9 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) ->
         press(b)
 
     @kernel
-    def keep(b: Any, share: Any, step: Any) -> None:
-        keep_rings(b)
-
-    @kernel
     def brakes(b: Any, share: Any, step: Any) -> None:
-        steady(b, 1 - np.exp(-RING_SPIN_RATE * step.h))
-        hold(b, 1 - np.exp(-CORD_SLIP_RATE * step.h), first_node, last_node)
+        steady(b, 1.0 - np.exp(-RING_SPIN_RATE * step.h))
+        hold(b, 1.0 - np.exp(-CORD_SLIP_RATE * step.h), first_node, last_node)
 
     @kernel
     def smooth(b: Any, share: Any, step: Any) -> None:
@@ -134,7 +130,6 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) ->
         "pressure": pressure,
         **_loads(grid, loaded),
         "ring spin": _ring_spin(grid, rings),
-        "keep": keep,
         "kick": _kick(grid, rods, rings),
         "brakes": brakes,
         "axial": _axial(grid, rods, rings),
@@ -145,7 +140,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) ->
 
 def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, loaded: bool = False) -> Terms:
     """Terms of the published numerics, for an `inclination` (rad) of the longitudinal muscles."""
-    gather, (cord, neighbours) = gather_kernel(grid, "RADIUS"), side_kernels(grid, True)
+    gather, (cord, neighbours) = gather_kernel(grid, True), side_kernels(grid, True)
     ring_muscle, ring_ring = published_ring_joints(grid, inclination)
     beside, collect, share_out = beside_kernel(grid, True), collect_kernel(grid, PUBLISHED_RESULTS), share_kernel(grid)
     squeeze, hand_on = squeeze_kernels(grid)
