@@ -77,9 +77,14 @@ def read_archive(path: str | Path) -> tuple[dict[str, Any], dict[str, NDArray[An
         return None
 
 
+def swells(claimed: int, size: int) -> bool:
+    """Whether a file of so many bytes (`size`) cannot mean the bytes that it claims (`claimed`) to hold."""
+    return not 0 <= claimed <= SWELLING * size + ALLOWANCE
+
+
 def _read(file: Any, size: int) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
     with zipfile.ZipFile(file) as archive:
-        if sum(item.file_size for item in archive.infolist()) > SWELLING * size + ALLOWANCE:
+        if swells(sum(item.file_size for item in archive.infolist()), size):
             return None
     file.seek(0)
     with np.load(file, allow_pickle=False) as loaded:

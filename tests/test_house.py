@@ -68,7 +68,8 @@ ROOMS = {
     "octoctrl": {
         "progress": set(),
         "tables": set(),
-        "files": {"progress", "tables"},
+        "extras": set(),
+        "files": {"progress", "tables", "extras"},
         "tasks": {"files"},
         "carrying": {"progress", "tables", "files", "tasks"},
         "judging": {"progress", "tables", "files", "carrying"},
@@ -81,7 +82,7 @@ ROOMS = {
     },
 }
 
-HEAVY = {"numba", "casadi", "control", "scipy", "matplotlib"}
+HEAVY = {"numba", "casadi", "control", "scipy", "matplotlib", "xarray", "h5netcdf", "gymnasium", "distributed"}
 
 
 def identity(path):

@@ -163,6 +163,7 @@ COMMANDS = [
     (["run", "coil.npz", "-o", "run.npz", "--open-loop", "--feedback", "tvlqr"], "--open-loop and --feedback tvlqr contradict each other; give one of them"),
     (["verify", "there.npz"], "there.npz is not a file of octoctrl, or is damaged"),
     (["verify", "new.npz"], "new.npz has schema 3, this octoctrl reads 2: pip install -U octoctrl"),
+    (["verify", "old.npz"], "old.npz has schema 1, this octoctrl reads 2: make the file again"),
     (["compare", "cut.npz"], "planned trace covers 0–3.0 s, simulated 0–1.2 s (run stopped early: unstable); comparing 0–1.2 s needs overlap=True"),  # noqa: RUF001
     (["compare", "coil.npz", "--plot", "a.bmp"], "coil.npz holds a plan, not a run; make one with: octoctrl run"),
     (["compare", "cut.npz", "--overlap", "--plot", "a.bmp"], "unknown format '.bmp'; use .png or .pdf or .svg"),
@@ -177,7 +178,8 @@ def test_commands(tmp_path, monkeypatch, capsys, coil_plan, arguments, message):
     (tmp_path / "there.npz").write_text("not ours")
     store.save("coil.npz", coil_plan)
     store.save("cut.npz", coil_execution(coil_plan, until=1.2, status=ExecutionStatus.UNSTABLE))
-    np.savez("new.npz", header=np.frombuffer(json.dumps({"schema": 3}).encode(), dtype=np.uint8))
+    for name, schema in (("new", 3), ("old", 1)):
+        np.savez(f"{name}.npz", header=np.frombuffer(json.dumps({"schema": schema}).encode(), dtype=np.uint8))
     before = sorted(item.name for item in tmp_path.iterdir())
     assert main(arguments) == 2
     assert capsys.readouterr().err == f"octoctrl: {message}\n"

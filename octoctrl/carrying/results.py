@@ -4,6 +4,7 @@ import importlib
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, StrEnum
 from math import isfinite
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from octoctrl.sim.running.recording import Recording, StrandMotion
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..tables import number, table
+
+if TYPE_CHECKING:
+    import xarray
 
 
 class ExecutionStatus(Enum):
@@ -111,6 +115,12 @@ class Execution(Record):
         """Verdict and traces, for a notebook: the room of pictures, which stands above this one, is looked up when it is asked for."""
         shown: str = importlib.import_module("octoctrl.pictures.notebook").summary(self)
         return shown
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Recorded, measured and planned arrays with names, units and coordinates; needs the extra ``io``."""
+        from ..files.netcdf import dataset
+
+        return dataset(self)
 
     @property
     def planned(self) -> TopologyTrace:

@@ -13,8 +13,8 @@ from typing import Any
 
 from octoctrl.sim.errors import OctoctrlError
 
-from .store import load, save
-from .writing import check_target, make_folder
+from .store import check_file, load, save
+from .writing import make_folder
 
 SUFFIX = ".parts"
 
@@ -55,9 +55,9 @@ def check_parts(path: str | Path, *, overwrite: bool = False) -> Path:
     Raises
     ------
     OctoctrlError
-        As `check_target` does, or if there are parts that may not be replaced.
+        As `check_file` does, or if there are parts that may not be replaced.
     """
-    path = check_target(path, overwrite=overwrite)
+    path = check_file(path, overwrite=overwrite)
     if parts_in(folder_of(path)) and not overwrite:
         raise OctoctrlError(
             f"{folder_of(path)} holds a run that was broken off; go on with: octoctrl run --resume {path}, or begin anew with -f"

@@ -22,11 +22,12 @@ from octoctrl.sim.archives import read_archive, write_archive
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.registries import enter
 
+from ..extras import extra
+from . import netcdf
 from .writing import check_target
 
 SCHEMA = 2
 """Version of the file format that this program writes."""
-OLDEST_SCHEMA = 2
 
 _HOMES = {
     "octoctrl.sim.body.arm": ("Arm", "LumpedSection"),
@@ -81,7 +82,7 @@ def register(kind: type) -> type:
 
 
 def save(path: str | Path, item: Any, *, overwrite: bool = False, origin: Mapping[str, str] | None = None) -> Path:
-    """Write an object to a .npz file.
+    """Write an object to a .npz file, or a run to a NetCDF4 file (.nc, with the extra ``io``).
 
     Parameters
     ----------
@@ -101,7 +102,7 @@ def save(path: str | Path, item: Any, *, overwrite: bool = False, origin: Mappin
     OctoctrlError
         If the suffix is unknown, the file exists, or the object holds something that cannot be stored.
     """
-    path = check_target(path, overwrite=overwrite)
+    path = check_file(path, overwrite=overwrite, run=type(item).__name__ == "Execution")
     arrays: dict[str, np.ndarray] = {}
     header = {
         "schema": SCHEMA,
@@ -111,12 +112,29 @@ def save(path: str | Path, item: Any, *, overwrite: bool = False, origin: Mappin
         "origin": dict(origin or {}),
         "object": _encode(item, arrays, type(item).__name__),
     }
-    write_archive(path, header, arrays)
+    if path.suffix == ".nc":
+        netcdf.write(path, header, arrays, item)
+    else:
+        write_archive(path, header, arrays)
+    return path
+
+
+def check_file(path: str | Path, *, overwrite: bool = False, run: bool = True) -> Path:
+    """Check the `path` of a file that is to hold an object, before the work; `overwrite` allows for an old one, only a `run` can be .nc.
+
+    Raises
+    ------
+    OctoctrlError
+        As `check_target` does, or if the extra is not installed.
+    """
+    path = check_target(path, overwrite=overwrite, suffixes=(".npz", ".nc") if run else (".npz",))
+    if path.suffix == ".nc":
+        extra("io", "xarray", "h5netcdf")
     return path
 
 
 def load(path: str | Path, *, expect: str | None = None) -> Any:
-    """Read an object from a .npz file, or what the parts hold of one that was broken off while it was made.
+    """Read an object from a file, or what the parts hold of one that was broken off while it was made.
 
     Parameters
     ----------
@@ -186,14 +204,14 @@ _HEADER = {"content": str, "versions": dict, "argv": list, "origin": dict, "obje
 
 def _open(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, np.ndarray]]:
     path = Path(path)
-    header, arrays = read_archive(path) or ({}, {})
+    header, arrays = (netcdf.read(path) if path.suffix == ".nc" else read_archive(path)) or ({}, {})
     schema = header.get("schema")
     known = schema == SCHEMA and all(isinstance(header.get(key), kind) for key, kind in _HEADER.items())
     if type(schema) is not int or (schema == SCHEMA and not known):
         raise OctoctrlError(f"{path} is not a file of octoctrl, or is damaged")
-    if not OLDEST_SCHEMA <= schema <= SCHEMA:
-        reads = str(SCHEMA) if OLDEST_SCHEMA == SCHEMA else f"{OLDEST_SCHEMA} to {SCHEMA}"
-        raise OctoctrlError(f"{path} has schema {schema}, this octoctrl reads {reads}: pip install -U octoctrl")
+    if schema != SCHEMA:
+        advice = "pip install -U octoctrl" if schema > SCHEMA else "make the file again"
+        raise OctoctrlError(f"{path} has schema {schema}, this octoctrl reads {SCHEMA}: {advice}")
     return path, header, arrays
 
 
