@@ -46,12 +46,16 @@ if TYPE_CHECKING:
     from octoctrl.sim.running.sensors import Sensors
     from octoctrl.sim.scene.loads import PointLoad, SpreadLoad
     from octoctrl.sim.scene.scene import Scene, Water
+    from octoctrl.sim.topology.centreline import Centreline
+    from octoctrl.sim.topology.measured import topology_of
     from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
 
     from . import tasks
     from .carrying.execution import execute, resume
     from .carrying.planning import plan
     from .carrying.results import Execution, Verdict
+    from .files.centreline import read_centreline
+    from .files.fibres import read_fibres
     from .files.store import load, save
     from .judging.comparison import compare
     from .judging.verification import verify
@@ -72,6 +76,10 @@ _HOMES = {
     "octoctrl.sim.errors": ("OctoctrlError", "PlantUnstableError"),
     "octoctrl.sim.scene.loads": ("PointLoad", "SpreadLoad"),
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
+    "octoctrl.sim.topology.centreline": ("Centreline",),
+    "octoctrl.sim.topology.measured": ("topology_of",),
+    "octoctrl.files.centreline": ("read_centreline",),
+    "octoctrl.files.fibres": ("read_fibres",),
     "octoctrl.sim.topology.trace": ("TopologyConvention", "TopologyTrace"),
     "octoctrl.judging.comparison": ("compare",),
     "octoctrl.carrying.execution": ("execute", "resume"),
@@ -91,6 +99,7 @@ __all__ = [
     "Arm",
     "Bend",
     "BendWave",
+    "Centreline",
     "Drive",
     "Elongate",
     "Execution",
@@ -123,6 +132,8 @@ __all__ = [
     "make_plant",
     "plan",
     "plot",
+    "read_centreline",
+    "read_fibres",
     "register_goal",
     "register_primitive",
     "report",
@@ -130,6 +141,7 @@ __all__ = [
     "save",
     "simulate_batch",
     "tasks",
+    "topology_of",
     "verify",
 ]
 

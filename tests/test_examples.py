@@ -115,3 +115,17 @@ def test_a_twisted_rod_leaves_its_axis_beyond_the_critical_twist_only(printed):
     (*_, below), (*_, beyond) = rows(text, 3)
     assert below < 0.1 and beyond > 100
     assert re.search(r"pulled straight by 5 N: \d+\.\d+ mm; and back at 30 s", text)
+
+
+def test_the_family_of_helices_keeps_its_link(printed):
+    table = np.array(rows(printed("11_helix_family"), 6))
+    assert len(table) == 7 and table[:, 1] == pytest.approx(2.0, abs=2e-3)
+    assert table[:, 2:4] == pytest.approx(table[:, 4:6], abs=3e-3), "closed forms"
+
+
+def test_a_filmed_arm_shows_twist_only_with_markers_and_hangs_under_a_pole_of_its_own(printed):
+    without, with_markers = printed("12_measured_arm").split("'with-markers'")
+    last = [float(re.search(rf" twist +{NUMBER} +({NUMBER})", text)[1]) for text in (without, with_markers)]
+    assert last[0] == pytest.approx(0.0, abs=1e-3) and last[1] == pytest.approx(-1.68, abs=0.1)
+    assert "No markers" in without and "No markers" not in with_markers
+    assert all("is taken instead" in text and re.search(r"noise: 0\.[23]\d* mm", text) for text in (without, with_markers))

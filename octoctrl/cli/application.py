@@ -15,7 +15,7 @@ import typer
 from octoctrl import __version__
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 
-from . import installation, judging, measuring, planning, running
+from . import installation, judging, measured, measuring, planning, running
 from .codes import ExitCode
 from .output import say
 
@@ -23,6 +23,7 @@ FAMILIES = {
     "Plan": (planning.tasks, planning.plan, planning.identify),
     "Run": (running.run, running.demo),
     "Judge": (judging.verify, judging.compare, judging.report),
+    "Arms that were measured": (measured.topology, measured.fibres),
     "Measure": (measuring.bench, measuring.stability),
     "Installation": (installation.doctor, installation.warmup),
 }

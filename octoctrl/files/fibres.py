@@ -1,0 +1,51 @@
+"""Fibre tracts from imaging: TrackVis (.trk) and MRtrix (.tck) files, read with nibabel."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octoctrl.sim.body.fibres import FibreWinding, winding_of
+from octoctrl.sim.errors import OctoctrlError
+
+MILLIMETRE = 1e-3
+"""Unit of both formats, in metres."""
+
+
+def read_fibres(path: str | Path, axis: NDArray[np.float64] | None = None) -> FibreWinding:
+    """Read the fibres of an arm, and how they wind about its axis.
+
+    Parameters
+    ----------
+    path : str or Path
+        A ``.trk`` or ``.tck`` file; both are in mm.
+    axis : (n, 3) float64, m, optional
+        The arm's axis from base to tip, in the file's frame; the middle of the fibres if omitted.
+
+    Returns
+    -------
+    FibreWinding
+
+    Raises
+    ------
+    OctoctrlError
+        If nibabel is not installed, the file is missing or damaged, or what `winding_of` refuses.
+    """
+    path = Path(path)
+    if path.suffix not in (".trk", ".tck"):
+        raise OctoctrlError(f"unknown format '{path.suffix}'; fibres are read from .trk or .tck")
+    try:
+        from nibabel.streamlines import load
+    except ImportError:
+        raise OctoctrlError(f"{path.suffix} files are read with nibabel: pip install 'octoctrl[fibres]'") from None
+    if not path.is_file():
+        raise OctoctrlError(f"{path} does not exist")
+    try:
+        lines = [MILLIMETRE * np.asarray(line, dtype=float) for line in load(str(path)).streamlines]
+    except Exception as error:  # nibabel lets through whatever a damaged file runs into
+        raise OctoctrlError(f"{path} is no {path.suffix} file, or is damaged: {' '.join(str(error).split())[:120]}") from None
+    whole = [line for line in lines if len(line) >= 3]
+    try:
+        return winding_of(whole, axis)
+    except OctoctrlError as error:
+        raise OctoctrlError(f"{path}: {error}") from None
