@@ -16,7 +16,7 @@ from typing import Any
 
 from octoctrl.planners.asking.registry import goal_kinds, primitive_kinds
 from octoctrl.planners.asking.shares import Share
-from octoctrl.planners.asking.task import Drive
+from octoctrl.planners.asking.task import CHOOSE, Drive
 from octoctrl.planners.contracts import Goal
 from octoctrl.sim.errors import OctoctrlError, suggest
 
@@ -78,6 +78,8 @@ def build(hint: Any, value: Any, source: Source, path: Path = (), *, unit: str |
         return _build_drive(value, source, path)
     if is_dataclass(hint) and isinstance(hint, type):
         return _build_table([hint], value, source, path, default)
+    if hint == tuple[Drive, ...] and value == CHOOSE:
+        return value
     if origin is tuple:
         return _build_tuple(typing.get_args(hint), value, source, path, unit)
     if hint is float:

@@ -17,6 +17,7 @@ from octoctrl.sim.errors import OctoctrlError, check_number, suggest
 from octoctrl.sim.topology.trace import TopologyConvention
 
 from ..contracts import Floats, Goal, Primitive, When
+from .choice import Choice
 from .goals.measured import MeasuredGoal
 from .registry import primitive_kinds
 from .schedule import check_primitive
@@ -24,6 +25,12 @@ from .shares import resolved
 
 BASE_TANGENT = (0.0, 1.0, 0.0)
 """Direction in which the arm leaves its base."""
+
+DELAY_BOUNDS = 0.0, 2.0
+"""Range of the time by which a drive may set in later than its phase begins, s."""
+
+CHOOSE = "choose"
+"""In the place of drives: the planner chooses them."""
 
 LEAST_OPENING = 1e-3
 """Smallest 1 + pole . base tangent: opposite to each other, they leave the lifted writhe undefined from the start."""
@@ -84,6 +91,8 @@ class Drive:
         Its numbers are the first guess of those that are free; onset and offset follow from the phases.
     begins : str
         Phase with whose begin it sets in.
+    delay : float, s
+        How much later than that; `free` may name it.
     ends : str
         Phase with whose begin it relaxes; empty for never.
     free : tuple of str
@@ -100,12 +109,14 @@ class Drive:
     begins: str
     ends: str = ""
     free: tuple[str, ...] = ("level",)
+    delay: float = 0.0
 
     def __post_init__(self) -> None:
         _check_name("drive", self.name)
         check_primitive(f"drive '{self.name}'", self.primitive)
         object.__setattr__(self, "free", _several(f"drive '{self.name}': free", self.free))
-        bounds = self.primitive.bounds()
+        check_number(f"drive '{self.name}': delay", self.delay, at_least=DELAY_BOUNDS[0], at_most=DELAY_BOUNDS[1], unit="s")
+        bounds = self.primitive.bounds() | {"delay": DELAY_BOUNDS}
         for number in self.free:
             if number not in bounds:
                 known = ", ".join(bounds)
@@ -114,7 +125,7 @@ class Drive:
                 raise OctoctrlError(f"drive '{self.name}': '{number}' is named twice in free; name it once")
             low, high = bounds[number]
             check_number(
-                f"drive '{self.name}': {number}", getattr(self.primitive, number), at_least=low, at_most=high,
+                f"drive '{self.name}': {number}", self.number(number), at_least=low, at_most=high,
                 advice="the planner chooses within these bounds; take it out of free to fix it",
             )  # fmt: skip
         for timing in ("onset", "offset"):
@@ -123,13 +134,18 @@ class Drive:
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Range of each free number."""
-        bounds = self.primitive.bounds()
+        bounds = self.primitive.bounds() | {"delay": DELAY_BOUNDS}
         return {number: bounds[number] for number in self.free}
+
+    def number(self, name: str) -> float:
+        """The first guess of a free number."""
+        return float(self.delay if name == "delay" else getattr(self.primitive, name))
 
     def at(self, begins: Mapping[str, Any], numbers: Mapping[str, Any]) -> Primitive:
         """The primitive for given phase begins (dict of name to time, s) and free numbers (dict)."""
-        timing = {"onset": begins[self.begins]} | ({"offset": begins[self.ends]} if self.ends else {})
-        made: Primitive = replace(self.primitive, **(timing | dict(numbers)))  # type: ignore[type-var]
+        given = dict(numbers)
+        timing = {"onset": begins[self.begins] + given.pop("delay", self.delay)} | ({"offset": begins[self.ends]} if self.ends else {})
+        made: Primitive = replace(self.primitive, **(timing | given))  # type: ignore[type-var]
         return made
 
 
@@ -142,6 +158,9 @@ class Task:
     name, description : str
     phases : tuple of Phase
     drives : tuple of Drive
+        Or the word "choose", which leaves them to the planner.
+    choose : Choice, optional
+        From what it may choose; its plan names the drives that it took.
     convention : TopologyConvention
         How writhe is measured: the pole is the axis of the coil that is expected.
     sucker_azimuth : float, rad
@@ -164,7 +183,8 @@ class Task:
     name: str
     description: str = ""
     phases: tuple[Phase, ...]
-    drives: tuple[Drive, ...]
+    drives: tuple[Drive, ...] = ()
+    choose: Choice | None = None
     convention: TopologyConvention = field(default=TopologyConvention())
     sucker_azimuth: float = 0.0
     nominal_weight: float = 1.0
@@ -173,14 +193,19 @@ class Task:
     smoothness_weight: float = 0.1
 
     def __post_init__(self) -> None:
+        if isinstance(self.drives, str) and self.drives == CHOOSE:
+            object.__setattr__(self, "drives", ())
+            object.__setattr__(self, "choose", self.choose or Choice())
         for name in ("phases", "drives"):
             object.__setattr__(self, name, _several(f"task '{self.name}': {name}", getattr(self, name)))
         names = [phase.name for phase in self.phases]
         if not names:
             raise OctoctrlError(f"task '{self.name}' has no phases; give at least one")
-        if not self.drives:
+        if self.drives and self.choose is not None:
+            raise OctoctrlError(f"task '{self.name}' has drives, and choose as well; give one of them")
+        if not self.drives and self.choose is None:
             known = ", ".join(primitive_kinds())
-            raise OctoctrlError(f"task '{self.name}': no primitives given; give at least one drive ({known})")
+            raise OctoctrlError(f"task '{self.name}': no primitives given; give at least one drive ({known}), or drives = \"{CHOOSE}\"")
         _check_doubled("phases", names)
         _check_doubled("drives", [drive.name for drive in self.drives])
         for drive in self.drives:

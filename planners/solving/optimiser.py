@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .problem import Grid, Problem, Reading
-from .search import COARSE, FINE
+from .search import COARSE, ENOUGH, FINE
 
 Floats = NDArray[np.float64]
 
@@ -222,14 +222,17 @@ def optimise(
     solve = _solver(problem, constraints, watch, price)
     scale, box, x, offset = problem.box.scale, problem.box, start, np.full(len(reading.misses), inf)
     word, iterations = "", 0
+    # Where the search could not come nearer, to ask for more would leave the optimiser nothing to do.
+    left = np.abs(reading.misses + problem.offset((grid, reading), (fine_grid, fine)))
+    band = np.where(left > ENOUGH, left, BAND)
     for _ in range(ROUNDS):
         if x is not start:
             reading, fine = problem.read(x, grid), problem.read(x, fine_grid)
         before, offset = offset, problem.offset((grid, reading), (fine_grid, fine))
         if stop() or np.abs(offset - before).max(initial=0.0) < SETTLED:
             break
-        low = np.concatenate([-BAND - offset, np.minimum(OPENING, openings)])
-        high = np.concatenate([BAND - offset, np.full(rows - len(offset), inf)])
+        low = np.concatenate([-band - offset, np.minimum(OPENING, openings)])
+        high = np.concatenate([band - offset, np.full(rows - len(offset), inf)])
         try:
             found = solve(x0=x / scale, lbx=box.lower / scale, ubx=box.upper / scale, lbg=low, ubg=high)
         except RuntimeError as error:

@@ -31,6 +31,7 @@ class PlanStatus(Enum):
     NOT_FOUND = (
         "Not found: the search came no nearer, which proves nothing; relax the goal named here, or give longer phases or more drives."
     )
+    OTHER_DRIVES = 'Not with these drives, but with others: take those named here, or leave them to the planner with drives = "choose".'
     UTURN = "Only past a U-turn of the tip, where the branch of writhe is chance: store twist first, or ask for less writhe."
     TIME_LIMIT = "Stopped at the time limit: the best plan so far is kept; raise time_limit."
 
@@ -59,6 +60,36 @@ class GoalReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Alternative:
+    """Drives that would do as well, where the planner chose them.
+
+    Attributes
+    ----------
+    drives : tuple of str
+    duration : float, s
+        Of all phases.
+    effort : float, s
+        Sum over the drives of the squared level times the time for which it is on.
+    worst : float
+        Largest miss of a goal on the reduced model, in tolerances.
+    opening : float
+        Smallest 1 + tip . base up to the last goal of writhe or link; 0 is a U-turn.
+    """
+
+    drives: tuple[str, ...]
+    duration: float
+    effort: float
+    worst: float
+    opening: float
+
+    def __str__(self) -> str:
+        return (
+            f"{len(self.drives)} drives ({', '.join(self.drives)}): {self.duration:.2f} s, effort {self.effort:.2f} s, worst miss "
+            f"{self.worst:.2f} tolerances, 1 + tip . base at least {self.opening:.2f}"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlanReport:
     """How a plan came about, and how well it does on the reduced model; also of a plan that was refused.
 
@@ -79,6 +110,8 @@ class PlanReport:
         Unknowns that stand at one of their bounds.
     extrapolates : tuple of str
         What of the motion lies outside of what the model was identified on.
+    alternatives : tuple of Alternative
+        Of a task that leaves its drives to the planner: what it found, the one with the fewest drives first, which is the plan's.
     starts, iterations : int
         Programmes from which the search began; iterations of search and optimiser.
     optimised : bool
@@ -102,6 +135,7 @@ class PlanReport:
     headroom: float = 1.0
     at_bounds: tuple[str, ...] = ()
     extrapolates: tuple[str, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
     starts: int = 0
     iterations: int = 0
     optimised: bool = False
@@ -178,15 +212,18 @@ class Plan(Record):
         for (name, begin), end in zip(phases, ends, strict=True):
             twist, writhe = (np.interp(end, self.trace.time, getattr(self.trace, key)) for key in ("twist", "lifted_writhe"))
             lines.append(f"  {name:10} {begin:5.2f}  {end:5.2f}    {twist:+6.2f}          {writhe:+6.2f}")
-        lines.append(" drive             primitive  muscles       level   onset    rise  offset")
         names = [drive.name for drive in self.task.drives]
+        width = max(16, *(len(name) + 2 for name in names))
+        lines.append(f" {'drive':{width + 2}}primitive  muscles       level   onset    rise  offset")
         names += [""] * (len(self.schedule.primitives) - len(names))
         for name, primitive in zip(names, self.schedule.primitives, strict=False):
             groups = "+".join(dict.fromkeys(group for template in primitive.templates() for group in template.groups))
             groups = groups.replace("LM1+LM2+LM3+LM4+LM5+LM6+LM7+LM8", "all LM")
             numbers = [getattr(primitive, key, np.nan) for key in ("level", "onset", "rise", "offset")]
             cells = "".join(f"{number:8.2f}" if np.isfinite(number) else "       -" for number in numbers)
-            lines.append(f"  {name:16}{type(primitive).__name__:11}{groups:11}{cells}")
+            lines.append(f"  {name:{width}}{type(primitive).__name__:11}{groups:11}{cells}")
+        for other in self.report.alternatives[1:]:
+            lines.append(f" or with {other}")
         lines.append(f" planning: {self.report.wall_time:.2f} s, {self.report.iterations} iterations")
         lines.append(" " + " ".join(filter(None, (self.status.value, self.report.reason))))
         return "\n".join(lines)

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from octoctrl.sim.errors import check_number
 from octoctrl.sim.topology.trace import TopologyTrace
 
+from ..asking.choice import Choice
 from ..asking.schedule import Schedule
 from ..asking.task import Task, miss_in_phase
 from ..fitting.identification import IdentifiedModel
+from .choosing import Sequence, channels, choose
 from .doubt import doubt
 from .optimiser import objective, optimise
-from .plan import GoalReport, Plan, PlanReport, PlanStatus
+from .plan import Alternative, GoalReport, Plan, PlanReport, PlanStatus
 from .problem import Problem
 from .reachability import unreachable
 from .search import COARSE, ENOUGH, Found, Search
@@ -37,6 +39,9 @@ SAMPLE = 0.01
 
 RELAXED, NEAR = 0.25, 3.5
 """Smaller u that is aimed at when a search has come within so many tolerances."""
+
+SEVERAL, OTHER_WORK = 2, 15000.0
+"""Sequences of drives that are looked for where they are chosen, and the work spent on others where the given ones do not do."""
 
 SEARCH_SHARE = 0.7
 """Share of the time limit after which the search ends, so that what it has found can still be finished."""
@@ -143,25 +148,51 @@ def plan(
 def _planned(
     task: Task, identified: IdentifiedModel, clock: Clock, guess: Plan | None, start: Mapping[str, float], progress: Tell | None
 ) -> Plan:
-    problem = Problem(task, identified.model)
-    known = guess.report.numbers if guess is not None and guess.status.solved else {}
+    known: Mapping[str, float] = guess.report.numbers if guess is not None and guess.status.solved else {}
 
     def told(count: int, miss: float) -> None:
         if progress is not None:
             progress.advance(count, f"start {count}, largest miss {miss:.2g} tolerances")
 
-    search = Search(problem, lambda: clock.after(SEARCH_SHARE), told)
+    def late() -> bool:
+        return clock.after(SEARCH_SHARE)
+
+    others: tuple[Alternative, ...] = ()
+    if task.choose is not None and known:
+        assert guess is not None
+        task = replace(task, drives=guess.task.drives, choose=None)
+    if task.choose is not None:
+        sequences, search = choose(task, task.choose, identified.model, late, several=SEVERAL, tell=told)
+        clock.lap("choice")
+        if not sequences:
+            assert search.found is not None
+            report = PlanReport(starts=search.starts, iterations=search.iterations)
+            return _unsolved(search, search.found, identified, report, clock)
+        task, known, others = sequences[0].task, sequences[0].numbers, tuple(map(_alternative, sequences))
+    problem = Problem(task, identified.model)
+    search = Search(problem, late, told)
     found = search.run(problem.vector(dict(known) | dict(start)))
     if not found.solved and found.reading.worst < NEAR and problem.guarded and not clock.after(SEARCH_SHARE):
         found = _relaxed(search, found)
     clock.lap("search")
-    report = PlanReport(starts=found.starts, iterations=found.iterations)
+    report = PlanReport(starts=found.starts, iterations=found.iterations, alternatives=others)
     if not found.solved:
-        return _unsolved(search, found, identified, report, clock)
+        return _unsolved(search, found, identified, report, clock, asked=None if others else task)
     price = objective(problem, identified.validity.level_rate)
     best, report = _optimised(problem, found, price, report, clock, progress)
     clock.lap("optimise")
     return _finished(problem, best, PlanStatus.SOLVED, identified, report, clock)
+
+
+def _alternative(sequence: Sequence) -> Alternative:
+    """What is told of a sequence of drives."""
+    task, now, begins = sequence.task, 0.0, dict[str, float]()
+    for phase in task.phases:
+        begins[phase.name] = now
+        now += phase.duration
+    effort = sum(drive.primitive.effort(now - begins[drive.begins]) for drive in task.drives)
+    names = tuple(drive.name for drive in task.drives)
+    return Alternative(drives=names, duration=now, effort=float(effort), worst=sequence.worst, opening=sequence.opening)
 
 
 def _relaxed(search: Search, found: Found) -> Found:
@@ -211,8 +242,10 @@ def _on_samples(problem: Problem, x: Floats, clock: Clock) -> Found:
     return search.found
 
 
-def _unsolved(search: Search, found: Found, identified: IdentifiedModel, report: PlanReport, clock: Clock) -> Plan:
-    """The plan that comes nearest, and why it is not good enough."""
+def _unsolved(
+    search: Search, found: Found, identified: IdentifiedModel, report: PlanReport, clock: Clock, asked: Task | None = None
+) -> Plan:
+    """The plan that comes nearest, why it is not good enough, and whether other drives than those `asked` for would do."""
     status = PlanStatus.TIME_LIMIT if clock.after(SEARCH_SHARE) else PlanStatus.NOT_FOUND
     problem = search.problem
     if status is PlanStatus.NOT_FOUND and problem.guarded:
@@ -220,6 +253,11 @@ def _unsolved(search: Search, found: Found, identified: IdentifiedModel, report:
         free.keep(*free.finished(free.fitted(found.x, COARSE, 10)))
         if free.found is not None and free.found.solved:
             found, status = free.found, PlanStatus.UTURN
+    if status is not PlanStatus.TIME_LIMIT and asked is not None:
+        sequences, _ = choose(asked, Choice().on(identified.model.arm), identified.model, search.stop, work=OTHER_WORK)
+        clock.lap("choice")
+        if sequences:
+            status, report = PlanStatus.OTHER_DRIVES, replace(report, alternatives=tuple(map(_alternative, sequences)))
     return _finished(problem, found, status, identified, report, clock)
 
 
@@ -247,6 +285,8 @@ def _finished(problem: Problem, found: Found, status: PlanStatus, identified: Id
         report = replace(report, spread=tuple(doubts.spread.tolist()))
         if doubts.reasons:
             status, reason = PlanStatus.DOUBTFUL, "; ".join(doubts.reasons)
+    elif status is PlanStatus.OTHER_DRIVES:
+        reason = str(report.alternatives[0])
     elif worst is not None and worst.share > 1:
         searches = f"{report.starts} {'search' if report.starts == 1 else 'searches'}"
         missed = f"phase '{worst.phase}' misses {worst.goal} by {worst.miss:.3g} {worst.goal.unit}".rstrip()
@@ -281,6 +321,8 @@ def _at_bounds(problem: Problem, x: Floats) -> tuple[str, ...]:
 
 def _refused(task: Task, identified: IdentifiedModel, reason: str, clock: Clock) -> Plan:
     """The plan that says why there is none."""
+    if task.choose is not None:
+        task = channels(task, task.choose)
     model, begins, now = identified.model, {}, 0.0
     for phase in task.phases:
         begins[phase.name] = now

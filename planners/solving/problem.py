@@ -42,6 +42,9 @@ LEVEL_SCALE, TIME_SCALE = 0.1, 0.5
 GUARD, GUARD_SCALE, PASSED = 0.35, 0.1, 0.2
 """Smallest u that is aimed at, how much less counts as a whole miss, and the smallest with which a plan passes."""
 
+SLOPE_WORK = 0.15
+"""What the derivative by one unknown adds to the work of a step."""
+
 LOST = 50.0
 """What every row says where the model has no solution."""
 
@@ -138,7 +141,7 @@ class Problem:
                 self.names.append(f"{drive.name}.{number}")
                 lower.append(low)
                 upper.append(high)
-                start.append(getattr(drive.primitive, number))
+                start.append(drive.number(number))
         levels = np.array([name.endswith(".level") for name in self.names])
         self.start = np.array(start, dtype=float)
         self.box = Box(np.array(lower), np.array(upper), np.where(levels, LEVEL_SCALE, TIME_SCALE * np.maximum(np.abs(self.start), 1e-3)))
@@ -212,7 +215,7 @@ class Problem:
         """
         model, free = self.model, np.flatnonzero(self.box.upper > self.box.lower)
         lengths = np.repeat(x[: len(grid.steps)] / grid.steps, grid.steps)
-        self.work += len(lengths) * (1 + 0.35 * len(free) * slopes)
+        self.work += len(lengths) * (1 + SLOPE_WORK * len(free) * slopes)
         if slopes:
             levels, level_slopes, step_slopes = self._inputs(x, grid, free)
             strains, by_number = simulate_with_slopes(model.step_model, model.rest, levels, level_slopes, lengths, step_slopes)

@@ -5,7 +5,7 @@ ranked by how far they are off, and the best that lie apart are fitted in turn. 
 search goes on until its work is used up. What is found on coarse steps is finished on fine ones: coarse steps flatter.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,9 @@ SAMPLES, STARTS, APART = 60, 12, 0.25
 
 WORK = 15000.0
 """Steps of the model, with slopes counted by what they cost, after which no new start is made: some two seconds."""
+
+GAIN, NEARLY = 0.9, 1.3
+"""A fit that leaves more than this share of the largest miss will not be bettered by the next; what is nearly met is tried further."""
 
 CAPPED = 30.0
 """Rows are not ranked beyond this many tolerances."""
@@ -69,10 +72,19 @@ class Search:
         Whether time is up.
     tell : callable
         Told the number of the start and the smallest miss so far.
+    work : float
+        Steps of the model, with slopes counted by what they cost, after which no new start is made.
     """
 
-    def __init__(self, problem: Problem, stop: Stop, tell: Callable[[int, float], None] = lambda _start, _miss: None) -> None:
-        self.problem, self.stop, self.tell = problem, stop, tell
+    def __init__(
+        self,
+        problem: Problem,
+        stop: Stop,
+        tell: Callable[[int, float], None] = lambda _start, _miss: None,
+        *,
+        work: float = WORK,
+    ) -> None:
+        self.problem, self.stop, self.tell, self.work = problem, stop, tell, work
         problem.work = 0.0
         self.best: tuple[float, Floats] | None = None
         self.found: Found | None = None
@@ -84,7 +96,7 @@ class Search:
 
     def over(self) -> bool:
         """Whether time is up, or the work is used up by half as much again."""
-        return self.stop() or self.problem.work > 1.5 * WORK
+        return self.stop() or self.problem.work > 1.5 * self.work
 
     def fitted(self, x: Floats, step: float, iterations: int, offset: Floats | float = 0.0) -> Floats:
         """Unknowns after a fit on steps of `step`, whose number stays what it is at its begin; `offset` is added to the misses."""
@@ -114,9 +126,11 @@ class Search:
             grid = self.problem.grid(best[0], step)
             offset = self.problem.offset((grid, self.problem.read(best[0], grid)), (self.problem.grid(best[0], FINE), best[1]))
             x = self.fitted(best[0], step, iterations, offset)
-            reading = self.read(x)
-            if reading.worst < best[1].worst:
+            reading, before = self.read(x), best[1].worst
+            if reading.worst < before:
                 best = x, reading
+            if reading.worst > GAIN * before and (before < 1 or step == MIDDLE or before > NEARLY):
+                break
         return best
 
     def keep(self, x: Floats, reading: Reading) -> None:
@@ -149,7 +163,7 @@ class Search:
         """
         if not self.attempt(first):
             for start in self.programmes():
-                if self.stop() or self.problem.work > WORK or self.attempt(start):
+                if self.stop() or self.problem.work > self.work or self.attempt(start):
                     break
         assert self.best is not None
         if self.found is None or not self.found.solved:
@@ -159,19 +173,27 @@ class Search:
 
     def programmes(self) -> list[Floats]:
         """Random programmes that lie apart, the most promising first."""
-        ranked = sorted(self._samples(), key=lambda item: item[0])
-        box, chosen = self.problem.box, list[Floats]()
-        width = np.where(box.upper > box.lower, box.upper - box.lower, 1.0)
-        for _, x in ranked:
-            if all(np.linalg.norm((x - other) / width) > APART for other in chosen):
-                chosen.append(x)
-        return chosen[: STARTS - 1]
+        return self.ranked(self._samples())[: STARTS - 1]
 
-    def _samples(self) -> list[tuple[float, Floats]]:
-        draw, box, found = np.random.default_rng(0), self.problem.box, []
-        for _ in range(SAMPLES):
+    def ranked(self, samples: Iterable[Floats]) -> list[Floats]:
+        """Those of several programmes that lie apart, the most promising first, as far as there is time to simulate them."""
+        rated = []
+        for x in samples:
             if self.stop():
                 break
+            reading = self.read(x, RANKING)
+            narrow = np.maximum(reading.guard - reading.openings, 0.0).sum() / GUARD_SCALE
+            rated.append((float(np.linalg.norm(np.minimum(reading.shares, CAPPED)) + min(narrow, 5.0)), x))
+        box, chosen = self.problem.box, list[Floats]()
+        width = np.where(box.upper > box.lower, box.upper - box.lower, 1.0)
+        for _, x in sorted(rated, key=lambda item: item[0]):
+            if all(np.linalg.norm((x - other) / width) > APART for other in chosen):
+                chosen.append(x)
+        return chosen
+
+    def _samples(self) -> Iterator[Floats]:
+        draw, box = np.random.default_rng(0), self.problem.box
+        for _ in range(SAMPLES):
             x = self.problem.start.copy()
             for index, (name, low, high) in enumerate(zip(self.problem.names, box.lower, box.upper, strict=True)):
                 if high <= low:
@@ -182,7 +204,4 @@ class Search:
                     x[index] = np.exp(draw.uniform(np.log(low), np.log(high)))
                 else:
                     x[index] = draw.uniform(low, high)
-            reading = self.read(x, RANKING)
-            narrow = np.maximum(reading.guard - reading.openings, 0.0).sum() / GUARD_SCALE
-            found.append((float(np.linalg.norm(np.minimum(reading.shares, CAPPED)) + min(narrow, 5.0)), x))
-        return found
+            yield x
