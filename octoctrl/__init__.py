@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from .carrying.execution import execute, resume
     from .carrying.planning import plan
     from .carrying.results import Execution, Verdict
+    from .connect.sweep import sweep
     from .files.centreline import read_centreline
     from .files.fibres import read_fibres
     from .files.store import load, save
@@ -84,6 +85,7 @@ _HOMES = {
     "octoctrl.judging.comparison": ("compare",),
     "octoctrl.carrying.execution": ("execute", "resume"),
     "octoctrl.carrying.planning": ("plan",),
+    "octoctrl.connect.sweep": ("sweep",),
     "octoctrl.sim.plants": ("Plant", "make_plant"),
     "octoctrl.pictures.plots": ("plot",),
     "octoctrl.pictures.report": ("report",),
@@ -140,6 +142,7 @@ __all__ = [
     "resume",
     "save",
     "simulate_batch",
+    "sweep",
     "tasks",
     "topology_of",
     "verify",

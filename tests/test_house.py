@@ -74,11 +74,12 @@ ROOMS = {
         "carrying": {"progress", "tables", "files", "tasks"},
         "judging": {"progress", "tables", "files", "carrying"},
         "pictures": {"progress", "tables", "files", "carrying", "judging"},
+        "connect": {"progress", "tables", "extras", "files", "tasks", "carrying", "judging"},
         "doctor": {"progress", "tables", "files", "tasks", "carrying"},
         "bench": {"progress", "tables", "files", "tasks", "carrying", "judging"},
         "laboratory": {"progress", "tables", "files", "tasks", "carrying", "judging"},
         "__main__": {"cli"},
-        "cli": {"progress", "tables", "files", "tasks", "carrying", "judging", "pictures", "doctor", "bench", "laboratory"},
+        "cli": {"progress", "tables", "files", "tasks", "carrying", "judging", "pictures", "connect", "doctor", "bench", "laboratory"},
     },
 }
 

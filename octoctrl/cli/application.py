@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import traceback
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -15,13 +16,13 @@ import typer
 from octoctrl import __version__
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 
-from . import installation, judging, measured, measuring, planning, running
+from . import installation, judging, measured, measuring, planning, running, sweeping
 from .codes import ExitCode
 from .output import say
 
-FAMILIES = {
+FAMILIES: dict[str, tuple[Callable[..., ExitCode], ...]] = {
     "Plan": (planning.tasks, planning.plan, planning.identify),
-    "Run": (running.run, running.demo),
+    "Run": (running.run, running.demo, sweeping.sweep),
     "Judge": (judging.verify, judging.compare, judging.report),
     "Arms that were measured": (measured.topology, measured.fibres),
     "Measure": (measuring.bench, measuring.stability),

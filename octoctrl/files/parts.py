@@ -95,7 +95,7 @@ class Parts:
             held = "is whole" if self.path.exists() else "does not exist"
             raise OctoctrlError(f"{self.folder} holds no parts to go on with, and {self.path} {held}; run the plan anew")
         make_folder(self.folder)
-        self._lock = _locked(self.folder / "lock", self.path)
+        self._lock = hold(self.folder / "lock", self.path)
         self._next = len(known) if resume else 0
         if not resume:
             self._clear()
@@ -138,8 +138,14 @@ class Parts:
             old.unlink()
 
 
-def _locked(lock: Path, path: Path) -> int:
-    """A descriptor that holds the lock until it is closed or the process ends, however it ends."""
+def hold(lock: Path, path: Path) -> int:
+    """A descriptor that holds the file `lock` until it is closed or the process ends, however it ends.
+
+    Raises
+    ------
+    OctoctrlError
+        If another process holds it; the message is about `path`.
+    """
     handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
     with contextlib.suppress(ImportError):  # where there are no such locks
         import fcntl
