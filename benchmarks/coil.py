@@ -16,7 +16,7 @@ from octoctrl import tasks
 from octoctrl.carrying.execution import execute
 from octoctrl.judging.comparison import level_delays
 from octoctrl.planners.asking.registry import goal
-from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.planners.solving import planner
 from octoctrl.planners.solving.problem import Problem
 from octoctrl.sim.plants import Plant, warmup

@@ -15,7 +15,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import octoctrl as oc
-from octoctrl.planners.fitting.identification import GENERIC_FREE, INTERVAL, KNOWN_FREE, TOLERANCE, _Run, experiments, first_guess, identify
+from octoctrl.planners.fitting.experiments import experiments
+from octoctrl.planners.fitting.fit import GENERIC_FREE, INTERVAL, KNOWN_FREE, TOLERANCE, ComparedRun, identify
+from octoctrl.planners.fitting.identified import first_guess
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.sim.body.arm import LumpedSection
 from octoctrl.sim.plants import warmup
@@ -38,7 +40,7 @@ def other_arm(numbers):
 
 
 def features(activation, recording):
-    return _Run(ReducedModel(arm=ARM), activation, recording).measured
+    return ComparedRun(ReducedModel(arm=ARM), activation, recording).measured
 
 
 def rod_runs(arm, runs):
@@ -95,7 +97,7 @@ def reduced(runs):
             ("with them", None, None),
         ):
             found = identify(recordings, ARM, laws=laws, plant="assembly", start=guess, free=names, max_evaluations=25)
-            run = _Run(found.model, *recordings[0])
+            run = ComparedRun(found.model, *recordings[0])
             difference = run.residual(found.model).reshape(len(run.steps), -1)
             twist, length = difference[:, 31] * np.sqrt(8) / 2, difference[:, 32] * 200
             told = f"twist at the tip {np.sqrt(np.mean(twist**2)):.3f}, length {np.sqrt(np.mean(length**2)):.1f}"

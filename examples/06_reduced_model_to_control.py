@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import octoctrl as oc
-from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.topology.measures import measure
 

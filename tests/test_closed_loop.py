@@ -12,7 +12,7 @@ from octoctrl.carrying.results import ExecutionStatus
 from octoctrl.judging.comparison import level_delays
 from octoctrl.judging.verification import verify
 from octoctrl.planners.contracts import ControllerReport
-from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.planners.solving import planner
 from octoctrl.planners.solving.plan import Plan, PlanStatus
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm

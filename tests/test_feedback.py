@@ -6,7 +6,7 @@ import pytest
 from octoctrl import tasks
 from octoctrl.planners.asking.primitives import Twist
 from octoctrl.planners.asking.schedule import Schedule
-from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.planners.following import design
 from octoctrl.planners.following.design import DISCOUNT, Course
 from octoctrl.planners.following.observer import Observer, Sight

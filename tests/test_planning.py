@@ -16,7 +16,7 @@ from octoctrl.planners.asking.primitives import Bend, BendWave, Elongate, Shorte
 from octoctrl.planners.asking.registry import goal
 from octoctrl.planners.asking.schedule import Schedule
 from octoctrl.planners.asking.task import Drive, Phase, Task
-from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.planners.solving import planner
 from octoctrl.planners.solving.plan import PlanFailedError, PlanStatus
 from octoctrl.planners.solving.problem import Problem

@@ -15,7 +15,7 @@ from octoctrl.planners.asking.registry import goal
 from octoctrl.planners.asking.schedule import Schedule
 from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.contracts import When
-from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.planners.solving.doubt import doubt
 from octoctrl.planners.solving.least_squares import Box, bounded_step, fit
 from octoctrl.planners.solving.optimiser import BAND, OPENING, _Constraints, objective, optimise

@@ -173,7 +173,7 @@ def assembly_precision(*, full: bool = False) -> Table:
 
 def reduced_precision(*, full: bool = False) -> Table:
     """The planner's model over its step, against itself and against the rod plant; with `full`, more programmes."""
-    from octoctrl.planners.fitting.identification import load_identified
+    from octoctrl.planners.fitting.identified import load_identified
     from octoctrl.sim.plants import warmup
     from octoctrl.sim.topology.measures import measure
 

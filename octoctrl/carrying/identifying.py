@@ -13,7 +13,7 @@ from ..files.writing import check_target, written_aside
 from ..progress import NullProgress, Progress
 
 if TYPE_CHECKING:
-    from octoctrl.planners.fitting.identification import IdentifiedModel
+    from octoctrl.planners.fitting.identified import IdentifiedModel
 
 LEAST_RUN, LOST = 0.5, 0.2
 """Shortest stretch of a programme that is used, and the stretch before a divergence that is not, s."""
@@ -59,14 +59,14 @@ def identify(
         If the plant diverges within the first `LEAST_RUN` seconds of a programme. A later divergence cuts that programme short, which
         ``statistics["cut_short"]`` says.
     """
-    from octoctrl.planners.fitting import identification
+    from octoctrl.planners.fitting import experiments, fit
 
     if path is not None:
         path = check_target(path, overwrite=overwrite, suffixes=(".json",))
     arm, scene = arm or Arm.octopus(), scene or Scene()
     display = progress or NullProgress()
     warmup(plant, progress)
-    runs = identification.experiments(arm)
+    runs = experiments.experiments(arm)
     recordings, cut_short, done = [], {}, 0.0
     display.start("running the plant", sum(duration for _, _, duration in runs))
     try:
@@ -83,10 +83,10 @@ def identify(
             recordings.append((activation, recording))
             done += duration
         display.start(f"fitting {laws} laws to {len(recordings)} runs")
-        found = identification.identify(recordings, arm, scene, laws=laws, plant=check_plant(plant).modelled_as)
+        found = fit.identify(recordings, arm, scene, laws=laws, plant=check_plant(plant).modelled_as)
     finally:
         display.stop()
-    found.statistics["cut_short"] = cut_short
+    found.statistics.update(recorded=plant, cut_short=cut_short)
     if path is not None:
         with written_aside(path) as part:
             found.save(part)
@@ -119,15 +119,15 @@ def load_model(model: "str | Path | IdentifiedModel | None", arm: Arm, scene: Sc
     OctoctrlError
         If there is no such file, or the model belongs to another arm or plant.
     """
-    from octoctrl.planners.fitting import identification
+    from octoctrl.planners.fitting import identified
 
     plant = check_plant(plant).modelled_as
     if model is None:
-        return identification.load_identified(arm, scene, plant=plant)
+        return identified.load_identified(arm, scene, plant=plant)
     if isinstance(model, str | Path):
         if not Path(model).is_file():
             raise OctoctrlError(f"{model} does not exist; make one with: octoctrl identify -o {Path(model).name}")
-        name, loaded = str(model), identification.IdentifiedModel.load(model, arm, scene)
+        name, loaded = str(model), identified.IdentifiedModel.load(model, arm, scene)
     else:
         name, loaded = "the model", model
     if loaded.plant != plant:

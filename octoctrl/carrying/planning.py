@@ -14,7 +14,7 @@ from ..files.configuration import Configuration
 from ..progress import Progress
 
 if TYPE_CHECKING:
-    from octoctrl.planners.fitting.identification import IdentifiedModel
+    from octoctrl.planners.fitting.identified import IdentifiedModel
 
 
 def plan(

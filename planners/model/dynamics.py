@@ -75,7 +75,7 @@ def residual(structure: Structure) -> ca.Function:
         place = constants[:, n]
         begin = section_forces(arm, structure.laws, q[:, n], u[:, n], place, factors)
         end = section_forces(arm, structure.laws, q[:, n] + motion[:, n], u[:, n], place, factors)
-        total[:, n] += viscous_force(arm, begin, place, motion[:, n] / h, motion[:, n]) + h * end.force
+        total[:, n] += viscous_force(begin, motion[:, n] / h, motion[:, n]) + h * end.force
     return ca.Function("residual", [motion, q, u, h, factors], [total], {"cse": True})
 
 

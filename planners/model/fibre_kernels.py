@@ -57,7 +57,8 @@ OF, TERMS = Law(), 9
 class Fibres(NamedTuple):
     """What the fibres of all sections share: rows of three laws (see `Law`), and
 
-    `sides` (8, 2): sine and cosine of the azimuth of the longitudinal muscles; `hoop`: exponent that couples radius to stretch; `squeeze`:
+    `sides` (8, 2): sine and cosine of the azimuth of the longitudinal muscles; `around` (parts, 2): the same of the places by which an
+    oblique fibre passes, times the share of the bend that it feels there; `hoop`: exponent that couples radius to stretch; `squeeze`:
     narrowing by active oblique muscles; `tone`: level at rest; `viscosity`: factor on Hill's; `pitch_rate`, 1/m: turn of oblique fibres;
     `embedded`: factor on the passive stress of oblique fibres.
     """
@@ -66,6 +67,7 @@ class Fibres(NamedTuple):
     oblique: Floats
     transverse: Floats
     sides: Floats
+    around: Floats
     hoop: float
     squeeze: float
     tone: float
@@ -163,14 +165,11 @@ def radius_factor(q, levels, place, hoop, squeeze):
 
 
 @kernel
-def fibre_length(index, q, lam, lam1, place, sides, pitch_rate, gradient):
-    """Length per rest length of the arm of longitudinal or oblique fibre `index`; its gradient by the strains goes to `gradient`."""
-    if index < RIGHT:
-        rho, turn = place[AT.muscle_offset], 0.0
-        across, along = rho * sides[index, 0], rho * sides[index, 1]
-    else:
-        rho, across, along = place[AT.oblique_offset], 0.0, 0.0
-        turn = pitch_rate if index == RIGHT else -pitch_rate
+def fibre_length(q, lam, lam1, rho, side, turn, gradient):
+    """Length per rest length of the arm of a fibre at the distance `rho` from the axis, on a `side` (2) of it; its gradient by the strains
+    goes to `gradient`.
+    """
+    across, along = rho * side[0], rho * side[1]
     bent, turned = q[0] * along - q[1] * across, rho * (turn + q[2])
     x, b = q[3] + lam * bent, lam * turned
     length = np.sqrt(x * x + b * b)
@@ -179,6 +178,12 @@ def fibre_length(index, q, lam, lam1, place, sides, pitch_rate, gradient):
     gradient[2] = b * lam * rho / length
     gradient[3] = (x * (1 + lam1 * bent) + b * lam1 * turned) / length
     return length
+
+
+@kernel
+def winding(index, fibres):
+    """Turn of the oblique fibres `index` about the axis, 1/m."""
+    return fibres.pitch_rate if index == RIGHT else -fibres.pitch_rate
 
 
 @kernel
@@ -209,12 +214,15 @@ def section_residual(q, motion, levels, h, place, fibres, gradient, ahead, out):
     for index in range(RIGHT):
         level = levels[index] + fibres.tone
         if level != 0:
-            length = fibre_length(index, q, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
+            length = fibre_length(q, lam, lam1, place[AT.muscle_offset], fibres.sides[index], 0.0, gradient)
             add_viscous(fibres.longitudinal, place[AT.muscle], fibres.viscosity * level, length, 1.0, h, motion, gradient, out)
+    parts, rest = len(fibres.around), place[AT.oblique_stretch]
     for index in range(RIGHT, RING):
         if levels[index] != 0:
-            length, rest = fibre_length(index, q, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient), place[AT.oblique_stretch]
-            add_viscous(fibres.oblique, place[AT.oblique], fibres.viscosity * levels[index], length / rest, rest, h, motion, gradient, out)
+            for part in range(parts):
+                length = fibre_length(q, lam, lam1, place[AT.oblique_offset], fibres.around[part], winding(index, fibres), gradient)
+                level = fibres.viscosity * levels[index]
+                add_viscous(fibres.oblique, place[AT.oblique] / parts, level, length / rest, rest, h, motion, gradient, out)
     ring = levels[RING] + fibres.tone
     if ring != 0:
         for k in range(4):
@@ -223,15 +231,16 @@ def section_residual(q, motion, levels, h, place, fibres, gradient, ahead, out):
         add_viscous(fibres.transverse, place[AT.ring], fibres.viscosity * ring, lam, 1.0, h, motion, gradient, out)
     lam, lam1, _ = radius_factor(ahead, levels, place, fibres.hoop, fibres.squeeze)
     for index in range(RIGHT):
-        s = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
+        s = fibre_length(ahead, lam, lam1, place[AT.muscle_offset], fibres.sides[index], 0.0, gradient)
         stress = (levels[index] + fibres.tone) * active_stress(fibres.longitudinal, s) + passive_stress(fibres.longitudinal, s)
         for k in range(4):
             out[k] += h * place[AT.muscle] * stress / s * gradient[k]
     for index in range(RIGHT, RING):
-        s = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient) / place[AT.oblique_stretch]
-        stress = levels[index] * active_stress(fibres.oblique, s) + fibres.embedded * passive_stress(fibres.oblique, s)
-        for k in range(4):
-            out[k] += h * place[AT.oblique] * stress / s * gradient[k]
+        for part in range(parts):
+            s = fibre_length(ahead, lam, lam1, place[AT.oblique_offset], fibres.around[part], winding(index, fibres), gradient) / rest
+            stress = levels[index] * active_stress(fibres.oblique, s) + fibres.embedded * passive_stress(fibres.oblique, s)
+            for k in range(4):
+                out[k] += h * place[AT.oblique] / parts * stress / s * gradient[k]
     stress = ring * active_stress(fibres.transverse, lam) + passive_stress(fibres.transverse, lam)
     out[3] += h * place[AT.ring] * stress / lam * lam1
     e = ahead[3]
@@ -293,18 +302,18 @@ def section_tangent(q, motion, levels, h, place, fibres, gradient, ahead, tangen
             tangent[i, j] = 0.0
         ahead[i] = q[i] + motion[i]
     lam, lam1, _ = radius_factor(q, levels, place, fibres.hoop, fibres.squeeze)
-    stretch = place[AT.oblique_stretch]
+    stretch, parts = place[AT.oblique_stretch], len(fibres.around)
     for index in range(RIGHT):
         level = levels[index] + fibres.tone
         if level != 0.0:
-            s = fibre_length(index, q, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
+            s = fibre_length(q, lam, lam1, place[AT.muscle_offset], fibres.sides[index], 0.0, gradient)
             add_viscous_tangent(fibres.longitudinal, place[AT.muscle], fibres.viscosity * level, s, 1.0, h, motion, gradient, tangent)
     for index in range(RIGHT, RING):
         if levels[index] != 0.0:
-            s = fibre_length(index, q, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient) / stretch
-            add_viscous_tangent(
-                fibres.oblique, place[AT.oblique], fibres.viscosity * levels[index], s, stretch, h, motion, gradient, tangent
-            )
+            for part in range(parts):
+                s = fibre_length(q, lam, lam1, place[AT.oblique_offset], fibres.around[part], winding(index, fibres), gradient) / stretch
+                level = fibres.viscosity * levels[index]
+                add_viscous_tangent(fibres.oblique, place[AT.oblique] / parts, level, s, stretch, h, motion, gradient, tangent)
     ring = levels[RING] + fibres.tone
     if ring != 0.0:
         for k in range(3):
@@ -316,18 +325,19 @@ def section_tangent(q, motion, levels, h, place, fibres, gradient, ahead, tangen
     rho = place[AT.muscle_offset]
     for index in range(RIGHT):
         across, along = rho * fibres.sides[index, 0], rho * fibres.sides[index, 1]
-        s = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
+        s = fibre_length(ahead, lam, lam1, rho, fibres.sides[index], 0.0, gradient)
         pull, stiffness = pull_and_stiffness(fibres.longitudinal, h * place[AT.muscle], levels[index] + fibres.tone, 1.0, s, 1.0)
         bent, turned = ahead[0] * along - ahead[1] * across, rho * ahead[2]
         add_fibre_tangent(pull, stiffness, s, e, bent, turned, lam, lam1, lam2, across, along, rho, gradient, tangent)
     rho = place[AT.oblique_offset]
     for index in range(RIGHT, RING):
-        turned = rho * (ahead[2] + (fibres.pitch_rate if index == RIGHT else -fibres.pitch_rate))
-        length = fibre_length(index, ahead, lam, lam1, place, fibres.sides, fibres.pitch_rate, gradient)
-        pull, stiffness = pull_and_stiffness(
-            fibres.oblique, h * place[AT.oblique], levels[index], fibres.embedded, length / stretch, stretch
-        )
-        add_fibre_tangent(pull, stiffness, length, e, 0.0, turned, lam, lam1, lam2, 0.0, 0.0, rho, gradient, tangent)
+        turned, area = rho * (ahead[2] + winding(index, fibres)), h * place[AT.oblique] / parts
+        for part in range(parts):
+            across, along = rho * fibres.around[part, 0], rho * fibres.around[part, 1]
+            length = fibre_length(ahead, lam, lam1, rho, fibres.around[part], winding(index, fibres), gradient)
+            pull, stiffness = pull_and_stiffness(fibres.oblique, area, levels[index], fibres.embedded, length / stretch, stretch)
+            bent = ahead[0] * along - ahead[1] * across
+            add_fibre_tangent(pull, stiffness, length, e, bent, turned, lam, lam1, lam2, across, along, rho, gradient, tangent)
     pull, stiffness = pull_and_stiffness(fibres.transverse, h * place[AT.ring], ring, 1.0, lam, 1.0)
     tangent[3, 3] += stiffness * lam1 * lam1 + pull * lam2
     pull, stiffness = pull_and_stiffness(fibres.longitudinal, h * place[AT.cord], fibres.tone, 1.0, e, 1.0)

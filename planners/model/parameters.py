@@ -38,6 +38,9 @@ class ReducedParameters:
     ring_torsion : float
         Share of the torsional stiffness of a tube as thick as the layer of rings. In the full arm the rings keep the longitudinal muscles
         upright, and the layer does not taper, so that it stiffens the thin tip most. 0 in an arm of one rod.
+    oblique_bending : float
+        Share of the arm's bend that the oblique fibres feel as they wind from the outer to the inner side. In the full arm they stiffen it,
+        most of all the tip, where they run almost along it. 0 in an arm of one rod, whose oblique fibres lie on the axis in bending.
     squeeze : float
         Share by which fully active oblique muscles narrow the base, without the arm getting longer: the layers of the full arm give way
         to each other. 0 in an arm of one rod.
@@ -62,6 +65,7 @@ class ReducedParameters:
     length_curvature: float = 1.0
     passive_onset: float = 1.0
     ring_torsion: float = 0.0
+    oblique_bending: float = 0.0
     squeeze: float = 0.0
     tone: float = 0.0
 

@@ -9,7 +9,8 @@ With the radius scale lam = e**-nu / (1 + squeeze * oblique level) and a fibre a
     nerve cord              l = e
 
 where `turn` is the rest rotation of the fibre about the axis per length (zero for longitudinal, +-2 pi / pitch for oblique fibres; an
-oblique family surrounds the axis, so its x is e). Laws are functions of s = l / (rest value of l); T = area * stress(s) / s.
+oblique fibre winds about the axis and stands for places all around it, `PASSED`, at which it feels the share `oblique_bending` of
+the bend: none in an arm of one rod, where x = e). Laws are functions of s = l / (rest value of l); T = area * stress(s) / s.
 
 Hill's viscosity enters as the secant of the force-velocity curve, stress(0) - stress(s') = active stress * `hill_secant(s')` * s', with
 the two branches blended over `RATE_BLEND`, so that the model can be differentiated at rest. It vanishes with the activation.
@@ -43,6 +44,10 @@ CONSTANTS = (
     "ring_twisting", "narrowing", "length",
 )  # fmt: skip
 """Order of a section's constants in the columns of `section_constants`."""
+
+
+PASSED = (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)
+"""Azimuths that stand for all by which an oblique fibre passes within a section."""
 
 
 class GenericLaw(NamedTuple):
@@ -153,13 +158,16 @@ def hill_secant(law: MuscleLaw, rate: Any) -> Any:
 class SectionForces(NamedTuple):
     """Expressions of one section, each times the section's length.
 
-    `force` (4), J per unit strain; `tangent` (4, 4); `viscosity` (11), coefficients before the secant; `gradients` (4, 11), dl/dq.
+    `force` (4), J per unit strain; `tangent` (4, 4); of F fibres `viscosity` (F), coefficients before the secant, `gradients` (4, F),
+    dl/dq, `rest` (F), length per rest length of the arm, and `laws`.
     """
 
     force: ca.SX
     tangent: ca.SX
     viscosity: ca.SX
     gradients: ca.SX
+    rest: ca.SX
+    laws: tuple[MuscleLaw, ...]
 
 
 def section_forces(arm: Arm, laws: str, q: ca.SX, u: ca.SX, constants: ca.SX, factors: ca.SX) -> SectionForces:
@@ -194,7 +202,7 @@ def section_forces(arm: Arm, laws: str, q: ca.SX, u: ca.SX, constants: ca.SX, fa
     }
     pitch_rate = 2 * np.pi / arm.oblique_pitch
     force, tangent = ca.SX.zeros(4), ca.SX.zeros(4, 4)
-    viscosity, gradients = [], []
+    viscosity, gradients, rests, fibres = [], [], [], []
 
     def tension(kind: str, area: Any, activation: Any, stress: Any, passive: Any, s: Any, rest: Any) -> tuple[Any, Any]:
         law = getattr(arm, kind)
@@ -203,12 +211,14 @@ def section_forces(arm: Arm, laws: str, q: ca.SX, u: ca.SX, constants: ca.SX, fa
         pulled, pressed = passive * names["passive_stress"] * law.maximum_stress, passive * names["compression"]
         sigma, slope = level * f + pulled * p - pressed * c, level * f1 + pulled * p1 - pressed * c1
         viscosity.append(area * level * f * names["viscosity"] / (s * rest))
+        rests.append(rest)
+        fibres.append(law)
         return area * sigma / s, area * (slope - sigma / s) / (s * rest)
 
     def off_axis(kind: str, area: Any, activation: Any, stress: Any, passive: Any, place: Any, turn: Any, rest: Any) -> None:
         nonlocal force, tangent
-        rho, angle = place
-        r1, r2 = (0.0, 0.0) if angle is None else (rho * np.sin(angle), rho * np.cos(angle))
+        rho, angle, share = place
+        r1, r2 = share * rho * np.sin(angle), share * rho * np.cos(angle)
         bent, turned = k1 * r2 - k2 * r1, rho * (turn + k3)
         x, b = e + lam * bent, lam * turned
         length = ca.sqrt(x**2 + b**2)
@@ -222,20 +232,22 @@ def section_forces(arm: Arm, laws: str, q: ca.SX, u: ca.SX, constants: ca.SX, fa
         gradients.append(gradient)
 
     for index, group in enumerate(LONGITUDINAL_GROUPS):
-        place = (value["muscle_offset"], azimuth(group))
+        place = (value["muscle_offset"], azimuth(group), 1.0)
         off_axis("longitudinal", value["muscle_area"], u[index] + names["tone"], names["longitudinal_stress"], 1.0, place, 0.0, 1.0)
     embedded = arm.lumped.oblique_passive * names["oblique_passive"]
     for hand, group in ((1.0, "R-OM"), (-1.0, "L-OM")):
-        outside, level = (value["oblique_offset"], None), u[MUSCLE_GROUPS.index(group)]
-        turn, rest = hand * pitch_rate, value["oblique_stretch"]
-        off_axis("oblique", value["oblique_area"], level, names["oblique_stress"], embedded, outside, turn, rest)
+        turn, rest, level = hand * pitch_rate, value["oblique_stretch"], u[MUSCLE_GROUPS.index(group)]
+        for angle in PASSED:
+            around, area = (value["oblique_offset"], angle, names["oblique_bending"]), value["oblique_area"] / len(PASSED)
+            off_axis("oblique", area, level, names["oblique_stress"], embedded, around, turn, rest)
     level = u[MUSCLE_GROUPS.index("TM")] + names["tone"]
     pull, stiffness = tension("transverse", value["ring_area"], level, names["transverse_stress"], 1.0, lam, 1.0)
     gradients.append(ca.vertcat(0, 0, 0, lam1))
     force[3] += pull * lam1
     tangent[3, 3] += stiffness * lam1**2 + pull * lam2
     pull, stiffness = tension("longitudinal", value["cord_area"], names["tone"], names["longitudinal_stress"], 1.0, e, 1.0)
-    viscosity.pop()  # the tone of the nerve cord is too small for any
+    for kept in (viscosity, rests, fibres):  # the tone of the nerve cord is too small for any viscosity
+        kept.pop()
     force[3] += pull
     tangent[3, 3] += stiffness
     twisting = value["twisting"] * names["torsion"] + value["ring_twisting"] * names["ring_torsion"]
@@ -246,24 +258,16 @@ def section_forces(arm: Arm, laws: str, q: ca.SX, u: ca.SX, constants: ca.SX, fa
         ca.triu2symm(ca.triu(length * (tangent + ca.diag(own)))),
         length * ca.vertcat(*viscosity),
         ca.densify(ca.horzcat(*gradients)),
+        ca.vertcat(*rests),
+        tuple(fibres),
     )
 
 
-def viscous_force(arm: Arm, forces: SectionForces, constants: ca.SX, rates: ca.SX, motion: ca.SX) -> ca.SX:
+def viscous_force(forces: SectionForces, rates: ca.SX, motion: ca.SX) -> ca.SX:
     """Hill's viscous force of a section: the viscosity at the strain rates `rates` (4,), 1/s, times the strains `motion` (4,)."""
-    return forces.gradients @ (_viscosity_coefficients(arm, forces, constants, rates) * (forces.gradients.T @ motion))
-
-
-def _viscosity_coefficients(arm: Arm, forces: SectionForces, constants: ca.SX, rates: ca.SX) -> ca.SX:
-    """Viscosity of each fibre along its own length, (11,)."""
-    speeds = forces.gradients.T @ rates
-    coefficients = []
-    for index, group in enumerate(MUSCLE_GROUPS):
-        oblique = group.endswith("-OM")
-        law = arm.oblique if oblique else arm.transverse if group == "TM" else arm.longitudinal
-        rest = constants[CONSTANTS.index("oblique_stretch")] if oblique else 1.0
-        coefficients.append(forces.viscosity[index] * hill_secant(law, speeds[index] / rest))
-    return ca.vertcat(*coefficients)
+    speeds = ca.vertsplit((forces.gradients.T @ rates) / forces.rest)
+    secants = ca.vertcat(*(hill_secant(law, speed) for law, speed in zip(forces.laws, speeds, strict=True)))
+    return forces.gradients @ (forces.viscosity * secants * (forces.gradients.T @ motion))
 
 
 def _curves(law: MuscleLaw, laws: str, shape: str) -> Curves:

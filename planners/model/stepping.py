@@ -16,7 +16,7 @@ from .fibre_kernels import AT, OF, TERMS, Fibres, Law
 from .kinematics import element_stations, hat_means, section_bounds
 from .output_kernels import OUTPUTS, outputs_along
 from .parameters import ReducedParameters
-from .statics import GENERIC, section_constants
+from .statics import GENERIC, PASSED, section_constants
 from .stepping_kernels import Buffers, StepModel, buffers, linearise_steps, roll_out, roll_out_slopes
 
 Floats = NDArray[np.float64]
@@ -75,11 +75,14 @@ def step_model(structure: Structure, parameters: ReducedParameters) -> StepModel
     places[:, AT.twisting] *= parameters.torsion
     places[:, AT.ring_twisting] *= parameters.ring_torsion
     angles = np.array([azimuth(group) for group in LONGITUDINAL_GROUPS])
+    # Without a share in the bend all places are one.
+    share, passed = parameters.oblique_bending, np.array(PASSED if parameters.oblique_bending else PASSED[:1])
     fibres = Fibres(
         longitudinal=law_row(arm.longitudinal, structure.laws, "longitudinal", parameters.longitudinal_stress, parameters),
         oblique=law_row(arm.oblique, structure.laws, "longitudinal", parameters.oblique_stress, parameters),
         transverse=law_row(arm.transverse, structure.laws, "transverse", parameters.transverse_stress, parameters),
         sides=np.stack([np.sin(angles), np.cos(angles)], axis=1),
+        around=share * np.stack([np.sin(passed), np.cos(passed)], axis=1),
         hoop=arm.lumped.hoop_ratio * parameters.hoop_ratio,
         squeeze=parameters.squeeze,
         tone=parameters.tone,

@@ -20,7 +20,7 @@ from octoctrl.sim.topology.trace import TopologyTrace
 from ..asking.choice import Choice
 from ..asking.schedule import Schedule
 from ..asking.task import Task, miss_in_phase
-from ..fitting.identification import IdentifiedModel
+from ..fitting.identified import IdentifiedModel
 from .choosing import Sequence, channels, choose
 from .doubt import doubt
 from .optimiser import objective, optimise
