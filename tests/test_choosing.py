@@ -11,7 +11,7 @@ from octoctrl.planners.asking.choice import Choice
 from octoctrl.planners.asking.primitives import Bend, Twist
 from octoctrl.planners.asking.registry import goal
 from octoctrl.planners.asking.task import Drive, Phase, Task
-from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.planners.solving import planner
 from octoctrl.planners.solving.choosing import channels, guesses
 from octoctrl.planners.solving.plan import PlanStatus
