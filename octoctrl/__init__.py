@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from .files.store import load, save
     from .judging.comparison import compare
     from .judging.verification import verify
+    from .pictures.export import export
     from .pictures.plots import plot
     from .pictures.report import report
 
@@ -87,6 +88,7 @@ _HOMES = {
     "octoctrl.carrying.planning": ("plan",),
     "octoctrl.connect.sweep": ("sweep",),
     "octoctrl.sim.plants": ("Plant", "make_plant"),
+    "octoctrl.pictures.export": ("export",),
     "octoctrl.pictures.plots": ("plot",),
     "octoctrl.pictures.report": ("report",),
     "octoctrl.carrying.results": ("Execution", "Verdict"),
@@ -129,6 +131,7 @@ __all__ = [
     "compare",
     "controllers",
     "execute",
+    "export",
     "goal",
     "load",
     "make_plant",

@@ -23,7 +23,7 @@ from .output import say
 FAMILIES: dict[str, tuple[Callable[..., ExitCode], ...]] = {
     "Plan": (planning.tasks, planning.plan, planning.identify),
     "Run": (running.run, running.demo, sweeping.sweep),
-    "Judge": (judging.verify, judging.compare, judging.report),
+    "Judge": (judging.verify, judging.compare, judging.report, judging.export),
     "Arms that were measured": (measured.topology, measured.fibres),
     "Measure": (measuring.bench, measuring.stability),
     "Installation": (installation.doctor, installation.warmup),

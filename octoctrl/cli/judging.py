@@ -57,3 +57,22 @@ def report(
     write([load(path, expect="Execution") for path in run_files], output, overwrite=force)
     say(f"wrote {output}")
     return ExitCode.WELL
+
+
+def export(
+    run_file: RunFile,
+    output: Annotated[Path, typer.Argument(metavar="FILE", help=".csv, .glb, .gif, .webp or .mp4.", show_default=False)],
+    table: Annotated[str, typer.Option("--table", metavar="NAME", help="Of a .csv: shape, or traces.")] = "shape",
+    speed: Annotated[float, typer.Option("--speed", help="Of a film over that of the arm.")] = 1.0,
+    force: Overwrite = False,
+) -> ExitCode:
+    """Write a run for other programs: a table, a moving mesh, a film."""
+    from ..files.store import load
+    from ..files.writing import check_target
+    from ..pictures.export import SUFFIXES
+    from ..pictures.export import export as write
+
+    check_target(output, overwrite=force, suffixes=SUFFIXES)
+    write(load(run_file, expect="Execution"), output, table=table, speed=speed, overwrite=force)
+    say(f"wrote {output}")
+    return ExitCode.WELL

@@ -238,18 +238,18 @@ def draw_snapshots(axes: "Axes", execution: Execution, count: int) -> None:
     """
     instants = _snapshot_times(execution, count)
     recording, arm = execution.recording, execution.plan.arm
-    camera = _camera(execution.plan.task.convention.pole)
+    camera = arm_camera(execution.plan.task.convention.pole)
     when = np.interp([time for time, _ in instants], recording.time, execution.clock)
     planned = planned_points(execution.plan, when)
     place, floor, top = 0.0, np.inf, -np.inf
     for number, (time, name) in enumerate(instants):
         index = int(np.argmin(np.abs(recording.time - time)))
-        shape = _shape(recording, index, arm)
+        shape = arm_shape(recording, index, arm)
         flat = shape.points @ camera.T
         width = np.r_[flat[:, 0] - shape.radii, flat[:, 0] + shape.radii]
         low, wide = width.min(), max(np.ptp(width), 38.0)
         shift = np.array([place - low + (wide - np.ptp(width)) / 2, 0.0, 0.0])
-        _draw_arm(axes, shape, camera, shift)
+        draw_arm(axes, shape, camera, shift)
         if planned is not None:
             guide = 1e3 * planned[number] @ camera.T + shift
             axes.plot(guide[:, 0], guide[:, 1], color=PLANNED, lw=1.0, ls=(0, (4, 2.5)), zorder=5)
@@ -272,8 +272,8 @@ def draw_snapshots(axes: "Axes", execution: Execution, count: int) -> None:
     axes.set_axis_off()
 
 
-def _camera(pole: Sequence[float]) -> Floats:
-    """Rows: right, up and towards the viewer. The arm's rest axis +y points up, the pole towards the viewer and to one side."""
+def arm_camera(pole: Sequence[float]) -> Floats:
+    """Rows: right, up and towards the viewer. The arm's rest axis +y points up, the `pole` towards the viewer and to one side."""
     up, axis = np.array(pole), np.array([0.0, 1.0, 0.0])
     if abs(up @ axis) > 0.9:
         up = np.array([0.0, 0.0, 1.0])
@@ -284,7 +284,7 @@ def _camera(pole: Sequence[float]) -> Floats:
     return np.array([right, np.cross(view, right), view])
 
 
-class _Shape(NamedTuple):
+class ArmShape(NamedTuple):
     """Points (m, 3) and radii (m,) in mm, and outward normals (m, 3) of the line along LM3."""
 
     points: Floats
@@ -292,7 +292,8 @@ class _Shape(NamedTuple):
     normals: Floats
 
 
-def _shape(recording: Recording, index: int, arm: Arm) -> _Shape:
+def arm_shape(recording: Recording, index: int, arm: Arm) -> ArmShape:
+    """The `arm` at instant number `index` of a `recording`."""
     from scipy.interpolate import CubicSpline
 
     lengths = np.linalg.norm(np.diff(recording.points[index], axis=0), axis=1) / recording.stretch[index]
@@ -305,11 +306,14 @@ def _shape(recording: Recording, index: int, arm: Arm) -> _Shape:
     normals = np.stack([np.interp(fine, recording.stations, column) for column in recording.frames[index, :, 0].T], axis=1)
     normals -= np.sum(normals * along, axis=1, keepdims=True) * along
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return _Shape(points, 1e3 * np.asarray(arm.section(fine).outer_radius), normals)
+    return ArmShape(points, 1e3 * np.asarray(arm.section(fine).outer_radius), normals)
 
 
-def _draw_arm(axes: "Axes", shape: _Shape, camera: Floats, shift: Floats) -> None:
-    """Discs from far to near, in each short stretch first the outline, then the skin; last what is seen of the lines."""
+def draw_arm(axes: "Axes", shape: ArmShape, camera: Floats, shift: Floats) -> None:
+    """Draw the `shape` of an arm into `axes`, seen by a `camera` and moved by a `shift` (3,), mm.
+
+    Discs from far to near, in each short stretch first the outline, then the skin; last what is seen of the lines.
+    """
     from matplotlib.collections import EllipseCollection
 
     flat = shape.points @ camera.T
