@@ -296,11 +296,18 @@ class ControllerReport:
         Relative errors that it believes in, by what they belong to.
     design_time : float, s
         Processor time before the run.
+    fallbacks : int
+        Periods in which a controller that optimises had no answer in time and gave way to another.
+    step_time, longest_step : float, s
+        Wall time of a step of such a controller, median and largest.
     """
 
     largest_correction: float = 0.0
     estimated_errors: Mapping[str, float] = field(default_factory=dict)
     design_time: float = 0.0
+    fallbacks: int = 0
+    step_time: float = 0.0
+    longest_step: float = 0.0
 
 
 class Controller(Protocol):

@@ -41,7 +41,7 @@ class RunSettings:
 
     Attributes
     ----------
-    feedback : {"tvlqr", "open-loop"}
+    feedback : {"tvlqr", "mpc", "open-loop"}
         What corrects the activations while the plant moves.
     plant : {"rod", "assembly", "assembly-coarse"}
         What the plan is made for and carried out on: one rod, or the full arm of 197 rods.

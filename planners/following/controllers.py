@@ -21,6 +21,13 @@ def tvlqr(plan: Plan) -> Controller:
     return TVLQR(plan)
 
 
+def mpc(plan: Plan) -> Controller:
+    """Predictive control along a `plan`, which knows the bounds of levels and keeps away from U-turns."""
+    from .mpc import MPC
+
+    return MPC(plan)
+
+
 def open_loop(plan: Plan) -> Controller:
     """The activation of a `plan` and nothing else."""
     from .open_loop import OpenLoop
@@ -35,7 +42,7 @@ def custom(function: Callable[..., Any]) -> Controller:
     return Custom(function)
 
 
-CONTROLLERS: dict[str, Callable[[Plan], Controller]] = {"tvlqr": tvlqr, "open-loop": open_loop}
+CONTROLLERS: dict[str, Callable[[Plan], Controller]] = {"tvlqr": tvlqr, "mpc": mpc, "open-loop": open_loop}
 """What can be named as feedback, and how it is made for a plan."""
 
 

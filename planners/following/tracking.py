@@ -94,14 +94,19 @@ class Tracker:
         for _, _, passed, correction in self._past:
             linear = passed.linear
             x = linear.transition @ x + linear.influence @ correction + linear.drift + _effect(passed, correction) @ self.errors
-        planned = period.linear
-        push = planned.disturbance @ self.errors + planned.drift
-        ahead = DISCOUNT * self._ahead_standing(period) if index is None else self._ahead(index)
-        correction = -period.gain @ x - period.inverse @ planned.influence.T @ (period.cost @ push + ahead)
+        correction = self.decided(index, period, x)
         # A level cannot leave [0, 1]; what the plant will really get is what the next prediction must assume.
         correction = np.clip(period.levels + correction, 0.0, 1.0) - period.levels
         self._past.append(_Passed(index, clock, period, correction))
         return correction
+
+    def decided(self, index: int | None, period: Period, x: Floats) -> Floats:
+        """The regulator's correction (m,) of the present `period` in the state `x` (n,), as if levels had no bounds."""
+        planned = period.linear
+        push = planned.disturbance @ self.errors + planned.drift
+        ahead = DISCOUNT * self._ahead_standing(period) if index is None else self._ahead(index)
+        wanted: Floats = -period.gain @ x - period.inverse @ planned.influence.T @ (period.cost @ push + ahead)
+        return wanted
 
     def state(self) -> dict[str, Any]:
         """Estimates, and the periods that began since the last measurement."""

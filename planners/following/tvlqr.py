@@ -28,18 +28,22 @@ class TVLQR:
     name = "tvlqr"
 
     def __init__(self, plan: Plan) -> None:
-        self._plan, self._model = plan, plan.model
+        self.plan, self._model = plan, plan.model
         self._activation = plan.schedule.activation()
         self._course: Course | None = None
         self._design_time, self._now = 0.0, np.inf
 
+    def tracker(self, course: Course) -> Tracker:
+        """What turns what is seen into corrections along a `course`."""
+        return Tracker(course)
+
     def _start(self, period: float) -> None:
         if self._course is None or abs(self._course.period - period) > 1e-9:
             begin = process_time()
-            self._course = Course(self._plan, self._model, period)
+            self._course = Course(self.plan, self._model, period)
             self._design_time = process_time() - begin
-        self._tracker = Tracker(self._course)
-        self._observer = Observer(self._model, self._plan.task.convention.pole)
+        self._tracker = self.tracker(self._course)
+        self._observer = Observer(self._model, self.plan.task.convention.pole)
         self._correction, self._largest = np.zeros(len(self._course.groups)), 0.0
 
     def levels(self, observation: Observation, reading: ClockReading) -> ActivationSource:
