@@ -8,7 +8,7 @@ import pytest
 
 import octoctrl as oc
 from octoctrl import tasks
-from octoctrl.planners.fitting.identification import load_identified
+from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.planners.following import mpc
 from octoctrl.planners.following.design import Course
 from octoctrl.planners.following.mpc import PredictiveTracker
