@@ -97,7 +97,8 @@ def step(structure: Structure) -> ca.Function:
     # In strains that a fibre feels, all unknowns and all equations are of one size.
     balance = ca.vec(residual(structure)(ca.reshape(z, 4, sections) * scale, q, u, h, factors) * scale)
     equations = {"x": z, "p": ca.vertcat(ca.vec(q), ca.vec(u), h, factors), "g": balance}
-    root = ca.rootfinder("root", "newton", equations, {"abstol": 1e-13, "abstolStep": 1e-9, "max_iter": 50})
+    # The one of CasADi's solvers that can be written as C.
+    root = ca.rootfinder("root", "fast_newton", equations, {"abstol": 1e-13, "abstolStep": 1e-9, "max_iter": 50})
     found = root(x0=0, p=equations["p"])["x"]
     return ca.Function(
         "step", [q, u, h, factors], [q + ca.reshape(found, 4, sections) * scale], ["strains", "levels", "h", "factors"], ["next"]
