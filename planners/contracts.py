@@ -294,6 +294,8 @@ class ControllerReport:
         Of any level.
     estimated_errors : mapping of str to float
         Relative errors that it believes in, by what they belong to.
+    dead_groups : mapping of str to float
+        Muscle groups that it found to do nothing, and when it was sure, s.
     design_time : float, s
         Processor time before the run.
     fallbacks : int
@@ -304,6 +306,7 @@ class ControllerReport:
 
     largest_correction: float = 0.0
     estimated_errors: Mapping[str, float] = field(default_factory=dict)
+    dead_groups: Mapping[str, float] = field(default_factory=dict)
     design_time: float = 0.0
     fallbacks: int = 0
     step_time: float = 0.0

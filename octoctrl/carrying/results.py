@@ -230,6 +230,8 @@ def execution_text(run: Execution) -> str:
     lines.append(
         f" at the end: {last}   net self-crossings {int(trace.net_crossings()[-1]):+d}   peak activation {recording.levels.max():.2f}"
     )
+    for group, when in run.report.controller.dead_groups.items():
+        lines.append(f" {group} does nothing: it was activated and the arm did not answer; found at {when:.2f} s")
     lines.append(f" {run.status.value}" + (f" ({recording.note})" if recording.note else ""))
     return "\n".join(lines)
 

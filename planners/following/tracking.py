@@ -15,6 +15,7 @@ import numpy as np
 from ..contracts import Floats
 from .design import DISCOUNT, TOPOLOGY_ERROR, Course, Period
 from .observer import Sight
+from .watch import GroupWatch
 
 GAIN_DOUBT, DRAG_DOUBT, DRIFT = 0.2, 0.7, 0.05
 """Standard deviations of gain errors and drag error beforehand, and the share of them by which they may change per period."""
@@ -60,6 +61,7 @@ class Tracker:
         self.bias = np.zeros(2)
         self._estimate, self._doubt = np.zeros_like(course.final.strains), np.diag(course.final.noise**2)
         self._measured = False
+        self.watch = GroupWatch(course.groups)
         self._past: list[_Passed] = []
         """Periods that began since the last measurement, with their corrections."""
 
@@ -118,6 +120,7 @@ class Tracker:
             "doubt": self._doubt.copy(),
             "measured": self._measured,
             "past": [(passed.begun, passed.clock, passed.correction) for passed in self._past],
+            "watch": self.watch.state(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -126,6 +129,7 @@ class Tracker:
             state[name].copy() for name in ("errors", "covariance", "bias", "estimate", "doubt")
         )
         self._measured = state["measured"]
+        self.watch.restore(state["watch"])
         self._past = [_Passed(index, clock, self._period(index, clock), correction) for index, clock, correction in state["past"]]
 
     def _period(self, index: int | None, clock: float) -> Period:
@@ -155,6 +159,7 @@ class Tracker:
     def _learn(self, effect: Floats, surprise: Floats, noise: Floats) -> None:
         """Kalman filter on the errors, from the prediction of the periods that have just passed."""
         scaled, innovation = effect / noise[:, None], surprise / noise
+        self.watch.add(scaled, innovation)
         self.covariance = self.covariance + self.drift
         self.covariance = np.linalg.inv(np.linalg.inv(self.covariance) + scaled.T @ scaled)
         self.errors += self.covariance @ scaled.T @ (innovation - scaled @ self.errors)

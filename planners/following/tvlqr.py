@@ -45,6 +45,7 @@ class TVLQR:
         self._tracker = self.tracker(self._course)
         self._observer = Observer(self._model, self.plan.task.convention.pole)
         self._correction, self._largest = np.zeros(len(self._course.groups)), 0.0
+        self._dead: dict[str, float] = {}
 
     def levels(self, observation: Observation, reading: ClockReading) -> ActivationSource:
         """The plan's activation at the `reading` of its clock, corrected for what the `observation` shows."""
@@ -56,6 +57,8 @@ class TVLQR:
         age = max(round((reading.now - observation.time) / self._course.period), 0)
         self._correction = self._tracker.correct(index, self._observer.see(observation), clock=reading.begin, age=age)
         self._largest = max(self._largest, float(np.abs(self._correction).max()))
+        for group in self._tracker.watch.dead:
+            self._dead.setdefault(group, reading.now)
         return Corrected(
             activation=self._activation, begin=reading.now, period=reading.period, clock=(reading.begin, reading.end),
             groups=self._course.groups, before=before, after=self._correction,
@@ -71,6 +74,7 @@ class TVLQR:
             "correction": self._correction.copy(),
             "largest": self._largest,
             "design_time": self._design_time,
+            "dead": dict(self._dead),
             "tracker": self._tracker.state(),
             "observer": self._observer.state(),
         }
@@ -82,13 +86,15 @@ class TVLQR:
             return
         self._start(state["period"])
         self._now, self._correction, self._largest = state["now"], state["correction"].copy(), state["largest"]
-        self._design_time = state["design_time"]
+        self._design_time, self._dead = state["design_time"], dict(state["dead"])
         self._tracker.restore(state["tracker"])
         self._observer.restore(state["observer"])
 
     def report(self) -> ControllerReport:
-        """Largest correction, and the errors of gains and drag that it believes in."""
+        """Largest correction, the errors of gains and drag that it believes in, and the groups that it takes for dead."""
         if self._course is None:
             return ControllerReport()
         errors = dict(zip((*self._course.groups, "drag"), self._tracker.errors.round(3).tolist(), strict=True))
-        return ControllerReport(largest_correction=self._largest, estimated_errors=errors, design_time=self._design_time)
+        return ControllerReport(
+            largest_correction=self._largest, estimated_errors=errors, dead_groups=dict(self._dead), design_time=self._design_time
+        )
