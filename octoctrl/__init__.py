@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from .judging.comparison import compare
     from .judging.verification import verify
     from .pictures.export import export
+    from .pictures.live import View
     from .pictures.plots import plot
     from .pictures.report import report
 
@@ -89,6 +90,7 @@ _HOMES = {
     "octoctrl.connect.sweep": ("sweep",),
     "octoctrl.sim.plants": ("Plant", "make_plant"),
     "octoctrl.pictures.export": ("export",),
+    "octoctrl.pictures.live": ("View",),
     "octoctrl.pictures.plots": ("plot",),
     "octoctrl.pictures.report": ("report",),
     "octoctrl.carrying.results": ("Execution", "Verdict"),
@@ -126,6 +128,7 @@ __all__ = [
     "TopologyTrace",
     "Twist",
     "Verdict",
+    "View",
     "Water",
     "Wave",
     "compare",

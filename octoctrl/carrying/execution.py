@@ -18,7 +18,7 @@ from ..files.parts import Parts
 from ..files.store import save
 from ..progress import NullProgress, Progress
 from .results import Execution, ExecutionStatus
-from .run import GRACE, Run, name_of
+from .run import GRACE, Run, Watch, name_of
 from .run_parts import RunPart, RunStart
 
 __all__ = ["GRACE", "PATIENCE", "PERIOD", "execute", "resume"]
@@ -44,6 +44,7 @@ def execute(
     path: str | Path | None = None,
     overwrite: bool = False,
     origin: Mapping[str, str] | None = None,
+    watch: Watch | None = None,
 ) -> Execution:
     """Carry out a plan.
 
@@ -75,6 +76,8 @@ def execute(
         Whether a file that exists, or the parts of a run that was broken off, may be replaced.
     origin : mapping of str to str, optional
         For the header of the file; see `octoctrl.files.store.save`.
+    watch : Watch, optional
+        Who looks on and sets the pace, such as a live view, `octoctrl.View`.
 
     Returns
     -------
@@ -99,7 +102,7 @@ def execute(
         check_number("period", period, above=0.0, unit="s")
     chosen = controller(plan.feedback if feedback is None else feedback, plan)
     if path is None:
-        return _run(plan, plant, chosen, progress, period, patience, settle, sensors).to_the_end(progress or NullProgress())
+        return _run(plan, plant, chosen, progress, period, patience, settle, sensors).to_the_end(progress or NullProgress(), watch=watch)
     with Parts(path, overwrite=overwrite) as parts:
         run = _run(plan, plant, chosen, progress, period, patience, settle, sensors)
         start = RunStart(
@@ -117,7 +120,7 @@ def execute(
             origin=dict(origin or {}),
         )
         parts.append(start)
-        return _kept(run, start, parts, progress)
+        return _kept(run, start, parts, progress, watch)
 
 
 def resume(path: str | Path, *, feedback: Any = None, plant: Any = None, progress: Progress | None = None) -> Execution:
@@ -186,9 +189,9 @@ def _run(
     return Run(plan, plant, chosen, sensors or Sensors(), period=period, patience=patience, settle=settle)
 
 
-def _kept(run: Run, start: RunStart, parts: Parts, progress: Progress | None) -> Execution:
+def _kept(run: Run, start: RunStart, parts: Parts, progress: Progress | None, watch: Watch | None = None) -> Execution:
     """Carry it out; the file is there at the end. The parts of a run that was interrupted stay, to go on with."""
-    execution = run.to_the_end(progress or NullProgress(), parts)
+    execution = run.to_the_end(progress or NullProgress(), parts, watch)
     save(parts.path, execution, overwrite=True, origin=start.origin)
     if execution.status is not ExecutionStatus.INTERRUPTED:
         parts.finish()

@@ -4,7 +4,7 @@ import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -43,6 +43,18 @@ class _ControllerFailedError(Exception):
     """The controller, or the activation that it gave, raised the cause of this."""
 
 
+class Watch(Protocol):
+    """Who looks on while a run goes on, such as `octoctrl.pictures.live.View`."""
+
+    def begin(self, plan: Plan, plant: Any) -> None:
+        """A `plan` is about to be carried out on a `plant`."""
+        ...
+
+    def see(self, plant: Any, clock: float) -> None:
+        """A period of the `plant` is over, at the plan's `clock` (s); may wait, and end the run by a KeyboardInterrupt."""
+        ...
+
+
 class Run:
     """A plan that is carried out on a plant by a controller, which sees what the sensors show.
 
@@ -70,8 +82,8 @@ class Run:
         self.wall_time, self._written = 0.0, (0, 0, 1)  # and how many pieces, strands and marks are in parts
         self.ends = dict(zip(self.ahead, [*list(plan.phase_begins.values())[1:], plan.schedule.duration], strict=True))
 
-    def to_the_end(self, progress: Progress, parts: Parts | None = None) -> Execution:
-        """Go on until the plan is over or something stops it, telling `progress`, and keep `parts` meanwhile."""
+    def to_the_end(self, progress: Progress, parts: Parts | None = None, watch: Watch | None = None) -> Execution:
+        """Go on until the plan is over or something stops it, telling `progress` and who keeps `watch`, and keep `parts` meanwhile."""
         begin, before, due = perf_counter(), self.wall_time, 0.0
         plan, plant = self.plan, self.plant
         status, note, cause = ExecutionStatus.FINISHED, "", ""
@@ -80,6 +92,8 @@ class Run:
             self._keep_strands()
         observation, clock, end = self.eyes.shown, self.marks[-1][1], plan.schedule.duration + self.settle
         progress.start("running the plant", end)
+        if watch is not None:
+            watch.begin(plan, plant)
         try:
             while (hold := self._waits(clock)) or clock < end - 1e-9:
                 step = self.period if hold else self._period(clock)
@@ -91,6 +105,8 @@ class Run:
                 self.marks.append((plant.time, clock))
                 if not piece.complete:
                     raise KeyboardInterrupt
+                if watch is not None:
+                    watch.see(plant, clock)
                 progress.advance(clock, self.ahead[0] if self.ahead else "settling")
                 now = perf_counter()
                 self.wall_time = before + now - begin

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from octoctrl.planners.solving.plan import Plan
 
     from ..carrying.results import Execution
+    from ..carrying.run import Watch
 
 
 def run(
@@ -27,6 +28,8 @@ def run(
     feedback: Annotated[str | None, typer.Option("--feedback", metavar="NAME", help="tvlqr, mpc or open-loop.")] = None,
     plant: PlantName = None,
     anyway: Annotated[bool, typer.Option("--anyway", help="Run a plan that does not meet its goals.")] = False,
+    view: Annotated[bool, typer.Option("--view", help="Watch it live in a browser, set the pace, plan again.")] = False,
+    port: Annotated[int, typer.Option("--port", help="Of the live view; 0 takes a free one.")] = 8080,
     force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -51,9 +54,30 @@ def run(
     check_parts(output, overwrite=force)
     if code_of_plan(loaded) and not anyway:
         raise OctoctrlError(f"{plan_file} does not meet its goals ({loaded.status.name.lower()}); give --anyway to run it all the same")
-    execution = run_into(output, loaded, feedback, plant or loaded.plant, force, origin, display(quiet))
+    if view:
+        execution = _watched(output, loaded, feedback, plant or loaded.plant, force, origin, port)
+    else:
+        execution = run_into(output, loaded, feedback, plant or loaded.plant, force, origin, display(quiet))
     report(execution, run_content(execution), as_json)
     return code_of_run(execution)
+
+
+def _watched(output: Path, plan: "Plan", feedback: str, plant: str, force: bool, origin: dict[str, str], port: int) -> "Execution":
+    """Carry out a plan in a live view, and the plans that are made there after it, each from rest; the last run stays in the file."""
+    from ..pictures.live import View
+
+    live = View(port=port)
+    say(f"open {live.url}")
+    following: Plan | None = plan
+    try:
+        while following is not None:
+            execution = run_into(output, following, feedback, plant, force, origin, NullProgress(), watch=live)
+            force = True
+            say(f"wrote {output}; change goals and plan again in the browser, or end with Ctrl-C")
+            following = live.next_plan()
+    finally:
+        live.close()
+    return execution
 
 
 def _resumed(path: Path, others: list[Any], as_json: bool, quiet: bool) -> ExitCode:
@@ -119,7 +143,16 @@ def demo(
     return code_of_verdict(verdict)
 
 
-def run_into(output: Path, plan: "Plan", feedback: str, plant: str, force: bool, origin: dict[str, str], progress: Progress) -> "Execution":
+def run_into(
+    output: Path,
+    plan: "Plan",
+    feedback: str,
+    plant: str,
+    force: bool,
+    origin: dict[str, str],
+    progress: Progress,
+    watch: "Watch | None" = None,
+) -> "Execution":
     """Carry out a plan, which may miss its goals, and keep the run in a file, also while it goes on."""
     from octoctrl.sim import plants
 
@@ -132,7 +165,15 @@ def run_into(output: Path, plan: "Plan", feedback: str, plant: str, force: bool,
         if not isinstance(progress, NullProgress):
             say(header(made, plan.schedule.activation().groups))
         execution = execute(
-            plan, feedback=feedback, plant=made, allow_unsolved=True, progress=progress, path=output, overwrite=force, origin=origin
+            plan,
+            feedback=feedback,
+            plant=made,
+            allow_unsolved=True,
+            progress=progress,
+            path=output,
+            overwrite=force,
+            origin=origin,
+            watch=watch,
         )
     finally:
         progress.stop()
