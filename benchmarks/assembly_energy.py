@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.assembly.constants import fibre_laws, ring_smoothing, straight_mass
+from octoctrl.sim.assembly.constants import fibre_laws, oblique_mass, ring_smoothing, straight_mass
 from octoctrl.sim.assembly.core import TONE_RAMP
 from octoctrl.sim.assembly.energies import connections_of
 from octoctrl.sim.assembly.family_kernels import cord_brake, ring_spin_brake
@@ -96,7 +96,7 @@ class Ledger:
         muscle, oblique, ring, cord = fibre_laws(arm)
         self.families = (
             Family(rods.straight, geometry.straight, (cord, muscle), straight_mass(arm, geometry, plant.h), False, {"nodes": True}),
-            Family(rods.oblique, geometry.oblique, (oblique,), geometry.oblique.node_mass, False, {"nodes": True}),
+            Family(rods.oblique, geometry.oblique, (oblique,), oblique_mass(arm, geometry, plant.h), False, {"nodes": True}),
             Family(rods.ring, geometry.rings, (ring,), geometry.rings.node_mass, True),
         )
         self.smoothing = ring_smoothing(arm, geometry, plant.h)[:, None, None]
@@ -191,14 +191,16 @@ class Ledger:
         viscosity = isometric * family.of_law(hill, was["rate"])
         passive, active = area * family.of_law(MuscleLaw.passive_stress, e) / e, area * (isometric + viscosity * was["rate"]) / e
         self.add("passive stretch", -h * dot(passive, elongation))
-        correction = view(R.IMPULSE)
+        correction, passively = view(R.IMPULSE), area * self.plant.arm.anatomy.viscosity / e
         of_muscle = area * viscosity / (e * rest) / view(R.VISCOSITY)
+        of_viscosity = passively / rest / view(R.VISCOSITY)
+        self.add("passive viscosity", -h * dot(passively * was["rate"] + of_viscosity * correction, elongation))
         self.add("muscles", -h * dot(active + of_muscle * correction, elongation))
-        self.add("implicit passive slope", -h * dot((1 - of_muscle) * correction, elongation))
+        self.add("implicit passive slope", -h * dot((1 - of_muscle - of_viscosity) * correction, elongation))
         slowed = family.of_law(lambda law, rate: law.velocity_factor(-rate / law.maximum_rate), elongation / rest)
         at_middle = area * isometric * slowed / e
         self.hill_work -= h * dot(at_middle, elongation)
-        sheared = was["force"] - (passive + active)[..., None] * tangent
+        sheared = was["force"] - (passive + active + passively * was["rate"])[..., None] * tangent
         self.add("shear", -h * dot(sheared, apart))
         # TORQUE holds shear, and the inertia terms at the old spin.
         spin = self.old_spin[id(family)]

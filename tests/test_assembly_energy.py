@@ -38,5 +38,5 @@ def test_laws_neither_make_nor_lose_energy(twisted):
 
 def test_brakes_and_water_only_take(twisted):
     ledger, _, _ = twisted
-    for name in ("ring spin brake", "cord brake", "linear water", "quadratic water"):
+    for name in ("passive viscosity", "ring spin brake", "cord brake", "linear water", "quadratic water"):
         assert ledger.work[name] <= 0.0, name

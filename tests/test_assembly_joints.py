@@ -93,12 +93,11 @@ def test_pressure_follows_the_volume_of_each_slab(bent):
     terms["pressure"]()
     volumes, rest = body_of(plant).volumes(), slab_volumes(plant.core.geometry)
     np.testing.assert_allclose(plant.core.rods.slab(SlabRow.VOLUME), volumes, rtol=1e-12)
-    np.testing.assert_allclose(plant.core.rods.slab(SlabRow.PRESSURE)[1:], 1e7 * (1 - volumes / rest)[1:], rtol=1e-9)
-    assert plant.core.rods.slab(SlabRow.PRESSURE)[0] == 0.0
+    np.testing.assert_allclose(plant.core.rods.slab(SlabRow.PRESSURE), 1e7 * (1 - volumes / rest), rtol=1e-9)
 
 
 def test_projection_is_that_of_a_dense_system_and_leaves_momentum(bent):
-    """Rates of volume after the projection, from a dense matrix of all gradients, with the mobilities of breathing rings."""
+    """What a step does to the volumes, and what takes it back: a dense matrix of all gradients, with the mobilities of breathing rings."""
     plant, terms, flat = bent
     rods, grid, generator = plant.core.rods, plant.core.grid, np.random.default_rng(6)
     rods.flat[:] = flat
@@ -123,17 +122,23 @@ def test_projection_is_that_of_a_dense_system_and_leaves_momentum(bent):
         gradient[i, :, i], gradient[i, :, i + 1] = -on_muscle[:, i], on_muscle[:, i]
     system = np.einsum("imnk,mn,jmnk->ij", gradient, mobility, gradient)
     system += np.diag(np.sum(ring_mobility[..., None] * on_ring**2, axis=(1, 2)))
-    rate = np.einsum("imnk,mnk->i", gradient, before[0][1:]) + np.sum(on_ring * before[1], axis=(1, 2))
+    # At a metre per second nodes of the tip move by a twentieth of its radius, of which the gradients alone miss some percent.
+    straight, rings = (x + plant.h * v for x, v in zip((body.straight, body.rings), before, strict=True))
+    rate = (
+        Connections(plant.arm, plant.core.geometry, rods, straight, body.oblique, rings, body.frames).volumes() - body.volumes()
+    ) / plant.h
+    first_order = np.einsum("imnk,mnk->i", gradient, before[0][1:]) + np.sum(on_ring * before[1], axis=(1, 2))
+    assert np.median(np.abs(1 - first_order / rate)[-20:]) > 0.01
     system += np.diag(slab_volumes(plant.core.geometry) / (plant.h * 1e7))
-    increment = np.zeros(n)
-    increment[1:] = np.linalg.solve(system[1:, 1:], -rate[1:])
+    increment = np.linalg.solve(system, -rate)
     terms["project"]()
     change = [after - was for was, after in zip(before, (vectors(rods.straight, R.V1, nodes=True), vectors(rods.ring, R.V1)), strict=True)]
     push = np.einsum("i,imnk->mnk", increment, gradient)
     np.testing.assert_allclose(change[0][1:], mobility[..., None] * push, atol=1e-10 * np.abs(change[0]).max())
     wanted = ring_mobility[..., None] * increment[:, None, None] * on_ring
     np.testing.assert_allclose(change[1], wanted, atol=1e-10 * np.abs(wanted).max())
-    assert not change[0][0].any() and np.abs(increment[1:]).min() > 0
+    # The held ring and the held ends of the muscles stay, and their slab is kept by what is free.
+    assert not (change[0][0].any() or change[0][:, 0].any() or change[1][0].any()) and np.abs(increment).min() > 0
     held = rods.ring(R.NODE_MOBILITY)[1:, :, None]
     momentum = np.sum(change[1][1:] / held, axis=1)
     assert np.abs(momentum).max() < 1e-11 * np.abs(change[1][1:] / held).sum(axis=1).max()

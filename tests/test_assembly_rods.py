@@ -95,12 +95,12 @@ def internal_loads(plant, name, published):
         shear[..., 2] = pull
         force = np.einsum("rnij,rni->rnj", frames, shear) / e[..., None]
     else:
-        pull = area * law.stress(e, rate, LEVEL)
+        pull = area * (law.stress(e, rate, LEVEL) + ARM.anatomy.viscosity * rate)
         if name == "straight":
             # The cord is no stiffer in compression than in bending.
             cord = replace(law, compression_modulus=ARM.youngs_modulus)
             assert law.compression_modulus > 2 * cord.compression_modulus and e[0].min() < 0.97
-            pull[0] = area[0] * cord.stress(e[0], rate[0], LEVEL)
+            pull[0] = area[0] * (cord.stress(e[0], rate[0], LEVEL) + ARM.anatomy.viscosity * rate[0])
         force = (np.einsum("rnij,rni->rnj", frames, shear) + pull[..., None] * tangent) / e[..., None]
     inertia = np.stack([view(R.BEND_INERTIA), view(R.BEND_INERTIA), view(R.TWIST_INERTIA)], axis=-1)
     torque = np.cross(along, shear) * rest[..., None]

@@ -15,7 +15,16 @@ from ..contracts import Floats
 from ..physics.damping import damped
 from ..rotations import rotation_vector
 from ..scene.scene import Water
-from .constants import Stiffness, ring_connections, ring_smoothing, slab_volumes, stiffness, straight_connections, straight_mass
+from .constants import (
+    Stiffness,
+    oblique_mass,
+    ring_connections,
+    ring_smoothing,
+    slab_volumes,
+    stiffness,
+    straight_connections,
+    straight_mass,
+)
 from .crossing_kernels import crossing_offsets
 from .family_kernels import family_offsets
 from .geometry import AssemblyGeometry, RodFamily
@@ -239,7 +248,8 @@ def fill_parameters(
     rates = anatomy.straight_rate, anatomy.oblique_rate + wet[0], wet[1]
     held = not anatomy.traits.sliding
     soften = 0.0 if published else h
-    muscles, helices, held_rods = straight_mass(arm, geometry, soften), geometry.oblique.node_mass, None if held else 1
+    muscles, helices = straight_mass(arm, geometry, soften), oblique_mass(arm, geometry, soften)
+    held_rods = None if held else 1
     _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], soften, muscles, held_rods)
     _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], soften, helices, held_rods if held else 0)
     rows = buffer.open_rods
@@ -390,8 +400,6 @@ def _fill_slabs(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeometry, h:
     buffer.straight(R.SECTION)[1:] = area / area.sum(axis=0)
     rest = slab_volumes(geometry)
     buffer.slab(T.REST)[:], buffer.slab(T.BULK)[:] = rest, anatomy.bulk_modulus
-    if not anatomy.traits.sliding:
-        buffer.slab(T.BULK)[0] = 0.0
     buffer.slab(T.COMPLIANCE)[:] = rest / (h * anatomy.bulk_modulus)
     root = 1 + 0.5 / ring_smoothing(arm, geometry, h)
     root = 1 / (root + np.sqrt(root**2 - 1))

@@ -140,7 +140,7 @@ class AssemblyCore:
         density = 0.0 if water is None else water.density * water.factor
         rates = (0.0, 0.0) if water is None else (water.factor * water.oblique_rate, water.factor * water.ring_rate)
         self._drag = (density * drag[0], density * drag[1], *rates)
-        self._laws = tuple(law_constants(law) for law in fibre_laws(arm, paper_compatible))
+        self._laws = tuple(law_constants(law, viscosity=anatomy.viscosity) for law in fibre_laws(arm, paper_compatible))
         self.rest()
 
     @property
@@ -171,16 +171,13 @@ class AssemblyCore:
         return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self.geometry.straight.length[0]
 
     def series(self) -> State:
-        """Volume inside the rings over that at rest: ``volume`` of the whole, ``slab_volume`` of each slab (N or N - 1,) under pressure.
-
-        A slab whose ring is held at the base is none of these.
-        """
+        """Volume inside the rings over that at rest: ``volume`` of the whole, ``slab_volume`` of each slab (N,)."""
         series = self._volumes(connections_of(self.arm, self.geometry, self.rods).volumes()[None])
         return {name: values[0] for name, values in series.items()}
 
     def _volumes(self, volumes: Floats) -> dict[str, Floats]:
-        rest, first = self.rods.slab(SlabRow.REST), 0 if self.arm.anatomy.traits.sliding else 1
-        return {"volume": volumes.sum(axis=1) / rest.sum(), "slab_volume": (volumes / rest)[:, first:]}
+        rest = self.rods.slab(SlabRow.REST)
+        return {"volume": volumes.sum(axis=1) / rest.sum(), "slab_volume": volumes / rest}
 
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities and spins of the nerve cord now."""

@@ -159,11 +159,9 @@ class Connections:
         return np.sum(vector * np.einsum("rn,rnk->nk", area / area.sum(axis=0), self.edge[1:]), axis=1)
 
     def pressure(self) -> Energy:
-        """Slabs, J; the first one has none where its ring is held."""
-        rest, bulk = slab_volumes(self.geometry), np.full(self.grid.rings, self.arm.anatomy.bulk_modulus)
-        if not self.arm.anatomy.traits.sliding:
-            bulk[0] = 0.0
-        return np.sum(0.5 * bulk * rest * (1 - self.volumes() / rest) ** 2)
+        """Slabs, J."""
+        rest = slab_volumes(self.geometry)
+        return np.sum(0.5 * self.arm.anatomy.bulk_modulus * rest * (1 - self.volumes() / rest) ** 2)
 
 
 def connections_of(arm: Arm, geometry: AssemblyGeometry, rods: AssemblyBuffer) -> Connections:

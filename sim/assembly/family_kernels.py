@@ -3,18 +3,18 @@
 Discretisation of Gazzola et al. (2018, R. Soc. Open Sci. 5:171628) as in `octoctrl.sim.rod.elastic_kernels`, but the axial force is the
 muscle's and acts along the tangent t, with the stretch e = l / L; the director only carries shear:
 
-    N = Q^T (S e t_1, S e t_2, 0) / e + A sigma(e, e', a) t / e,      torque (Q t x n) L with n = S e (t_1, t_2, 0)
+    N = Q^T (S e t_1, S e t_2, 0) / e + A (sigma(e, e', a) + eta e') t / e,      torque (Q t x n) L with n = S e (t_1, t_2, 0)
 
-Along the director instead, an active rod would buckle in shear as soon as its stress exceeds (4/3) G. The force-velocity law is linearly
-implicit: with Hill's secant c at the old rate the stress at the new rate is isometric + c e'_new, so that it cannot change sign, and with
-a quarter of the step times the passive tangent the same system damps no motion but removes the axial limit of the step. Unknown are the
-increments of tension phi:
+with eta the viscosity of passive tissue. Along the director instead, an active rod would buckle in shear as soon as its stress exceeds
+(4/3) G. The force-velocity law is linearly implicit: with Hill's secant c at the old rate the stress at the new rate is
+isometric + c e'_new, so that it cannot change sign, and with a quarter of the step times the passive tangent the same system damps no
+motion but removes the axial limit of the step. Viscosity is taken in the same way. Unknown are the increments of tension phi:
 
     (1 / G_k + w_k + w_{k+1}) phi_k - w_{k+1} t_k.t_{k+1} phi_{k+1} - w_k t_k.t_{k-1} phi_{k-1} = t_k.(dv_{k+1} - dv_k)
 
-with G = A (c + h K / 4) / (e L), the row VISCOSITY, and w the mobility of a node over one step: tridiagonal for an open rod, cyclic for a
-ring (Sherman & Morrison 1950, Ann. Math. Stat. 21:124). The neighbour of an element stands `step` numbers away in its row: 1 for open rods,
-the number of lanes for rings.
+with G = A (c + eta + h K / 4) / (e L), the row VISCOSITY, and w the mobility of a node over one step: tridiagonal for an open rod, cyclic
+for a ring (Sherman & Morrison 1950, Ann. Math. Stat. 21:124). The neighbour of an element stands `step` numbers away in its row: 1 for
+open rods, the number of lanes for rings.
 """
 
 import numpy as np
@@ -100,7 +100,7 @@ def family_kernels(grid, rings, graded=False, plain=False):
             level = b[LEVEL_BEFORE + k] + share * (b[LEVEL_AFTER + k] - b[LEVEL_BEFORE + k])
             strength, pace = (b[STRENGTH + k], b[PACE + k]) if graded else (1.0, 1.0)
             isometric = strength * level * isometric_stress(law, stretch)
-            viscosity = pace * isometric * hill_secant(law, pace * rate)
+            viscosity = law.viscosity + pace * isometric * hill_secant(law, pace * rate)
             stress = (strength if stretch > 1.0 else 1.0) * passive_stress(law, stretch) + isometric + viscosity * rate
             area = b[AREA + k]
             b[VISCOSITY + k] = area * (viscosity + elastic * passive_tangent(law, stretch)) * inverse

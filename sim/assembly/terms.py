@@ -118,7 +118,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) ->
 
     @kernel
     def project(b: Any, share: Any, step: Any) -> None:
-        project_slabs(b)
+        project_slabs(b, step.h)
 
     return _slid(grid, traits, {
         "strains": _strains(grid, rods, rings, rods["strain"], rings["strain"]),

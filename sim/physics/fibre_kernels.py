@@ -27,10 +27,11 @@ class LawConstants(NamedTuple):
     tangent: float
     active: tuple[float, ...]
     passive: tuple[float, ...]
+    viscosity: float
 
 
-def law_constants(law: MuscleLaw, passive_factor: float = 1.0) -> LawConstants:
-    """Constants of a `MuscleLaw`, with a factor on its passive stress."""
+def law_constants(law: MuscleLaw, passive_factor: float = 1.0, viscosity: float = 0.0) -> LawConstants:
+    """Constants of a `MuscleLaw`, with a factor on its passive stress and the `viscosity` (Pa s) of the tissue, which no level changes."""
     scale = law.maximum_stress * law.passive_scale * passive_factor
     stretches = np.linspace(1.0, 1.4, 81)
     return LawConstants(
@@ -47,6 +48,7 @@ def law_constants(law: MuscleLaw, passive_factor: float = 1.0) -> LawConstants:
         tangent=float(scale * np.polyval(np.polyder(law.passive), stretches).max()),
         active=tuple(float(c) for c in law.active),
         passive=tuple(float(scale * c) for c in law.passive),
+        viscosity=viscosity,
     )
 
 
