@@ -38,7 +38,7 @@ def test_a_table_is_text_markdown_and_data():
 
 
 def test_bench_writes_json_page_and_picture(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(benchmarking, "run", lambda parts, full, progress: [small()])
+    monkeypatch.setattr(benchmarking, "run", lambda parts, **settings: [small()])
     files = [tmp_path / "out.json", tmp_path / "page.md", tmp_path / "plot.png"]
     arguments = ["bench", "rod", "-q", "--json", str(files[0]), "--page", str(files[1]), "--plot", str(files[2])]
     assert main(arguments) == 0
@@ -179,3 +179,46 @@ def test_displacing_moves_the_free_nodes_only():
     np.testing.assert_allclose(after.points - before.points, np.r_[np.zeros((1, 3)), np.full((16, 3), 1e-3)], atol=1e-15)
     np.testing.assert_array_equal(after.velocities, np.r_[np.zeros((1, 3)), np.full((16, 3), 0.5)])
     assert plant.core.energy()["kinetic"] == pytest.approx(0.5 * plant.core.node_mass[1:].sum() * 0.75)
+
+
+def test_new_kinds_ask_for_what_the_model_has_been_seen_to_do():
+    """But for places that no arm can reach, which are refused."""
+    from octoctrl.bench.goals import NEW_KINDS
+    from octoctrl.planners.fitting.identified import load_identified
+    from octoctrl.planners.solving import planner
+    from octoctrl.planners.solving.plan import PlanStatus
+
+    identified, draw = load_identified(Arm.octopus()), np.random.default_rng(5)
+    length = identified.model.arm.length
+    for kind in NEW_KINDS:
+        task = kind(draw, identified.model)
+        goals = task.phases[0].goals
+        beyond = any(goal.quantity == "tip" and np.linalg.norm(goal.value) > length for goal in goals)
+        found = planner.plan(task, identified, time_limit=600.0)
+        assert found.status is PlanStatus.UNREACHABLE if beyond else found.status.solved, (kind.__name__, found.report.reason)
+
+
+def test_random_goals_are_those_of_their_seed():
+    from octoctrl.bench.goals import OLD_KINDS
+    from octoctrl.planners.fitting.identified import load_identified
+
+    model = load_identified(Arm.octopus()).model
+    for kind in OLD_KINDS:
+        one, same, other = (kind(np.random.default_rng(seed), model) for seed in (3, 3, 4))
+        assert one == same != other
+
+
+def test_parts_on_random_goals_go_together_and_take_their_size(monkeypatch):
+    asked = []
+
+    def part(**settings):
+        asked.append(settings)
+        return small()
+
+    for name in benchmarking.DRAWN:
+        monkeypatch.setitem(PARTS, name, (__name__, "_part"))
+    monkeypatch.setitem(globals(), "_part", part)
+    assert len(benchmarking.run(["tasks"], count=3, seed=5)) == len(benchmarking.DRAWN)
+    assert asked == [{"full": False, "count": 3, "seed": 5}] * len(benchmarking.DRAWN)
+    with pytest.raises(OctoctrlError, match="count"):
+        benchmarking.run(["plans"], count=0)

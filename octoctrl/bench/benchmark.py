@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from octoctrl.sim.activation import Activation
-from octoctrl.sim.errors import OctoctrlError, check_choice
+from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
 from octoctrl.sim.running.recording import Recording
 
 from ..files.writing import write_figure, write_text
@@ -30,22 +30,33 @@ PARTS = {
     "skips": ("octoctrl.bench.speed", "skips"),
     "steps": ("octoctrl.bench.steps", "steps"),
     "startup": ("octoctrl.bench.startup", "startup"),
+    "plans": ("octoctrl.bench.planning", "plans"),
+    "choice": ("octoctrl.bench.planning", "choice"),
+    "following": ("octoctrl.bench.planning", "following"),
 }
 """Module and function of each part."""
+
+DRAWN = ("plans", "choice", "following")
+"""Parts on random goals and plants, whose number and seed can be told; together they are called `TOGETHER`."""
+TOGETHER = "tasks"
 
 QUICK = ("rod", "reduced", "closed-forms", "scaling", "skips", "steps", "startup")
 """What runs when no part is named: all but the assembly, whose compilation takes a minute."""
 
 
-def run(parts: Iterable[str] = (), *, full: bool = False, progress: Progress | None = None) -> list[Table]:
+def run(
+    parts: Iterable[str] = (), *, full: bool = False, count: int | None = None, seed: int | None = None, progress: Progress | None = None
+) -> list[Table]:
     """Run parts of the benchmark.
 
     Parameters
     ----------
     parts : iterable of str
-        Of `PARTS`; `QUICK` if empty, all of them with `full`.
+        Of `PARTS`, or `TOGETHER` for those of `DRAWN`; `QUICK` if empty, all of them with `full`.
     full : bool
         More cases.
+    count, seed : int, optional
+        How many random goals and plants, and which; of the parts `DRAWN`.
     progress : Progress, optional
 
     Returns
@@ -57,15 +68,19 @@ def run(parts: Iterable[str] = (), *, full: bool = False, progress: Progress | N
     OctoctrlError
         If a part is unknown.
     """
-    chosen = tuple(parts) or (tuple(PARTS) if full else QUICK)
-    for name in chosen:
-        check_choice("part", name, tuple(PARTS))
+    asked = tuple(parts) or (tuple(PARTS) if full else QUICK)
+    for name in asked:
+        check_choice("part", name, (*PARTS, TOGETHER))
+    if count is not None:
+        check_number("count", count, at_least=1)
+    chosen = tuple(part for name in asked for part in (DRAWN if name == TOGETHER else (name,)))
+    given = {name: value for name, value in (("count", count), ("seed", seed)) if value is not None}
     found = []
     for done, name in enumerate(chosen):
         if progress is not None:
             progress.start(f"benchmark {name} ({done + 1} of {len(chosen)})")
         module, function = PARTS[name]
-        found.append(getattr(import_module(module), function)(full=full))
+        found.append(getattr(import_module(module), function)(full=full, **(given if name in DRAWN else {})))
     if progress is not None:
         progress.stop()
     return found

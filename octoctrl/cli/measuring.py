@@ -12,16 +12,18 @@ from .output import display, report
 
 def bench_parts() -> list[str]:
     """Names of the parts of the benchmark."""
-    from ..bench.benchmark import PARTS
+    from ..bench.benchmark import PARTS, TOGETHER
 
-    return list(PARTS)
+    return [*PARTS, TOGETHER]
 
 
 def bench(
     parts: Annotated[
-        list[str] | None, typer.Argument(metavar="[PART]...", help="rod, assembly, reduced, closed-forms, ...", autocompletion=bench_parts)
+        list[str] | None, typer.Argument(metavar="[PART]...", help="rod, assembly, reduced, tasks, ...", autocompletion=bench_parts)
     ] = None,
     full: Annotated[bool, typer.Option("--full", help="More cases; without PARTs, all of them (many minutes).")] = False,
+    count: Annotated[int | None, typer.Option("--count", metavar="N", help="Random goals and plants, of tasks.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Which of them.")] = None,
     output: Annotated[Path | None, typer.Option("--json", metavar="FILE.json", help="Write the numbers.")] = None,
     picture: Annotated[Path | None, typer.Option("--plot", metavar="PICTURE", help="Draw time against error: .png, .pdf or .svg.")] = None,
     page: Annotated[Path | None, typer.Option("--page", metavar="FILE.md", help="Write the tables as a page.")] = None,
@@ -37,11 +39,12 @@ def bench(
             check_target(path, overwrite=force, suffixes=suffixes)
     progress = display(quiet)
     try:
-        tables = benchmarking.run(parts or (), full=full, progress=progress)
+        tables = benchmarking.run(parts or (), full=full, count=count, seed=seed, progress=progress)
     finally:
         progress.stop()
     print(*tables, sep="\n\n")
-    command = " ".join(["octoctrl bench", *(parts or ()), *(["--full"] if full else []), *(["--page", str(page)] if page else [])])
+    sizes = [word for name, value in (("--count", count), ("--seed", seed)) if value is not None for word in (name, str(value))]
+    command = " ".join(["octoctrl bench", *(parts or ()), *(["--full"] if full else []), *sizes, *(["--page", str(page)] if page else [])])
     benchmarking.write(tables, command, output=output, picture=picture, page=page)
     return ExitCode.WELL
 

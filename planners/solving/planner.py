@@ -214,9 +214,14 @@ def _optimised(
             progress.advance(count, f"optimising, iteration {count}")
 
     ended = optimise(problem, found.x, found.reading, price, lambda: clock.after(1.0), told)
-    best, first = _on_samples(problem, ended.x, clock), float(price(found.x))
-    good = best.reading.worst <= ENOUGH and float(price(best.x)) < first
-    chosen = best if good else _on_samples(problem, found.x, clock)
+    first, chosen = float(price(found.x)), None
+    if float(price(ended.x)) < first:
+        best = _on_samples(problem, ended.x, clock)
+        if best.reading.worst <= max(ENOUGH, found.reading.worst) and float(price(best.x)) < first:
+            chosen = best
+    good = chosen is not None
+    if chosen is None:
+        chosen = _on_samples(problem, found.x, clock)
     return chosen, replace(
         report,
         iterations=report.iterations + ended.iterations,
