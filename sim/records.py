@@ -1,10 +1,13 @@
 """Records that hold arrays: compared by value, and shown in one line."""
 
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any
 
 import numpy as np
+
+from .errors import OctoctrlError
 
 WIDEST = 40
 """Characters of a text that are shown."""
@@ -27,6 +30,38 @@ class Record:
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{name}={_shown(getattr(self, name))}' for name in _names(self))})"
+
+
+def check_shapes(what: str, arrays: Mapping[str, tuple[Any, tuple[int | str, ...]]]) -> dict[str, int]:
+    """Check that arrays fit together.
+
+    Parameters
+    ----------
+    what : str
+        What they are of, for the message.
+    arrays : mapping of str to (array, tuple)
+        By name, with their axes: a length, or the name of one that all arrays with that axis share.
+
+    Returns
+    -------
+    dict of str to int
+        Lengths of the axes by name.
+
+    Raises
+    ------
+    OctoctrlError
+        If one has another shape than it should.
+    """
+    lengths: dict[str, int] = {}
+    for name, (array, axes) in arrays.items():
+        shape = np.shape(array)
+        if len(shape) == len(axes):
+            for axis, length in zip(axes, shape, strict=True):
+                lengths.setdefault(str(axis), length if isinstance(axis, str) else axis)
+        wanted = tuple(lengths.get(str(axis), axis) for axis in axes)
+        if shape != wanted:
+            raise OctoctrlError(f"{what}: {name} has shape {shape}, expected {wanted}")
+    return lengths
 
 
 def _names(record: Any) -> list[str]:

@@ -41,7 +41,7 @@ ROOMS = {
         "writing": {"errors"},
         "archives": {"errors", "writing"},
         "registries": {"errors"},
-        "records": set(),
+        "records": {"errors"},
         "rotations": set(),
         # Names types of the rooms that it is a contract between.
         "contracts": {"findings", "body", "scene", "running.clock", "running.observation", "running.recording"},

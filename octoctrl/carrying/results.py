@@ -11,7 +11,7 @@ import numpy as np
 from octoctrl.planners.contracts import ControllerReport, Floats
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.records import Record
+from octoctrl.sim.records import Record, check_shapes
 from octoctrl.sim.running.recording import Recording, StrandMotion
 from octoctrl.sim.topology.trace import TopologyTrace
 
@@ -107,6 +107,12 @@ class Execution(Record):
     status: ExecutionStatus = ExecutionStatus.FINISHED
     cause: str = ""
     strands: StrandMotion | None = None
+
+    def __post_init__(self) -> None:
+        kept = self.recording.time
+        check_shapes("run", {"clock": (self.clock, (len(kept),)), "trace": (self.trace.time, (len(kept),))})
+        if not len(kept):
+            raise OctoctrlError("run: nothing was recorded")
 
     def __str__(self) -> str:
         return execution_text(self)

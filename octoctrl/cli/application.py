@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import traceback
+import warnings
 from collections.abc import Callable
 from typing import Annotated
 
@@ -64,6 +65,8 @@ def main(argv: list[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in arguments
     _treat_termination_as_interrupt()
+    # Numbers that overflow or are none are told as results; what NumPy has to say about them is no sentence for a user.
+    warnings.filterwarnings("ignore", category=RuntimeWarning)
     try:
         code = app(args=[word for word in arguments if word != "--debug"], prog_name="octoctrl", standalone_mode=False)
         sys.stdout.flush()
@@ -93,7 +96,7 @@ _CLICK = {"ClickException": ExitCode.BAD_INPUT, "Abort": ExitCode.INTERRUPTED}
 def _complaint(error: Exception) -> tuple[ExitCode, str]:
     """Exit code of an error, and the sentence that says it."""
     if isinstance(error, OctoctrlError):
-        return ExitCode.BAD_INPUT, str(error)
+        return ExitCode.BAD_INPUT, " ".join(str(error).split())
     if isinstance(error, PlantUnstableError):
         return ExitCode.UNSTABLE, str(error)
     if isinstance(error, OSError):

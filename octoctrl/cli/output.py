@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 def say(text: str) -> None:
-    """Say something that is no result."""
-    print(text, file=sys.stderr)
+    """Say something that is no result; what steers a terminal, such as a name out of a stranger's file, is left out."""
+    print("".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in text), file=sys.stderr)
 
 
 def report(item: object, content: Any, as_json: bool) -> None:

@@ -3,7 +3,6 @@
 import hashlib
 import itertools
 import json
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -18,6 +17,7 @@ from octoctrl.sim.running.sensors import Sensors
 from .. import tasks
 from ..files.configuration import Configuration, parse
 from ..files.store import read_header
+from ..files.toml_source import tables
 from ..files.toml_writing import toml_of
 
 FAMILIES = ("task", "arm", "scene", "plan", "run")
@@ -90,11 +90,11 @@ def read_sweep(path: str | Path) -> Sweep:
     """
     path = Path(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tables(path.read_text(encoding="utf-8"), str(path))
     except OSError as error:
         raise OctoctrlError(f"{path} cannot be read: {error.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise OctoctrlError(f"{path}: not valid TOML: {error}") from None
+    except UnicodeDecodeError:
+        raise OctoctrlError(f"{path} is not text in UTF-8") from None
     for key in data:
         if key not in _KEYS:
             raise OctoctrlError(f"{path}: unknown key '{key}'{suggest(key, _KEYS)} (known: {', '.join(_KEYS)})")

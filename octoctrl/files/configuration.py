@@ -3,20 +3,18 @@
 The schema is the dataclasses: a key of the file is a field of `Configuration`, `Task`, `Phase`, a goal, `Drive`, `Arm`, `Scene` or `Water`.
 """
 
-import re
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from octoctrl.planners.asking.task import Task
 from octoctrl.planners.following.controllers import check_feedback
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.errors import OctoctrlError, check_number
+from octoctrl.sim.errors import check_number
 from octoctrl.sim.plants import check_plant
 from octoctrl.sim.scene.scene import Scene
 
 from .conversion import build
-from .toml_source import Source, assign
+from .toml_source import Source, assign, tables
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,14 +100,7 @@ def parse(text: str, *, name: str = "task.toml", overrides: Iterable[str] = ()) 
         If anything is wrong, with file, line and key.
     """
     text = text.removeprefix("\ufeff")
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        reason, _, place = str(error).partition(" (at ")
-        line = re.match(r"line (\d+)", place)
-        raise OctoctrlError(f"{name}{':' + line[1] if line else ''}: not valid TOML: {reason[0].lower() + reason[1:]}") from None
-    except RecursionError:
-        raise OctoctrlError(f"{name}: not valid TOML: brackets are nested too deeply") from None
+    data = tables(text, name)
     source = Source(name, text)
     for assignment in overrides:
         source.overridden.append(assign(data, assignment))

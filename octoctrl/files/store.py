@@ -24,6 +24,7 @@ from octoctrl.sim.registries import enter
 
 from ..extras import extra
 from . import netcdf
+from .fields import check_fields
 from .writing import check_target
 
 SCHEMA = 2
@@ -164,7 +165,7 @@ def load(path: str | Path, *, expect: str | None = None) -> Any:
         return _decode(header["object"], arrays)
     except _UnknownClassError:
         raise
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError) as error:
+    except Exception as error:  # whatever the classes make of values that they do not have
         written = header["versions"].get("octoctrl", "?")
         origin = (
             "is damaged" if written == __version__ else f"was written by octoctrl {written}, which this one, {__version__}, does not know"
@@ -227,7 +228,9 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _class(name: str) -> Any:
+def _class(name: Any) -> Any:
+    if not isinstance(name, str) or not name.isidentifier() or len(name) > 100:
+        raise ValueError("a class has no name")
     kind = _known(name)
     if kind is None:
         raise _UnknownClassError(
@@ -293,6 +296,7 @@ def _decode(tree: Any, arrays: dict[str, np.ndarray]) -> Any:
         return _class(tree["enum"])[tree["name"]]
     kind = _class(tree["type"])
     values = {name: _decode(inner, arrays) for name, inner in tree["fields"].items()}
+    check_fields(kind, values)
     made = kind(**values)
     for name, value in values.items():
         # A constructor may normalise what it is given, and a second time to other last digits; what was stored is what counts.

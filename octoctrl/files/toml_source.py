@@ -37,6 +37,26 @@ class Source:
         return [*named, *overridden, path][0]
 
 
+def tables(text: str, name: str) -> dict[str, Any]:
+    """The tables of a TOML `text`, from a file called `name`.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is no TOML, with the line.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        reason, _, place = str(error).partition(" (at ")
+        line = re.match(r"line (\d+)", place)
+        raise OctoctrlError(f"{name}{':' + line[1] if line else ''}: not valid TOML: {reason[0].lower() + reason[1:]}") from None
+    except RecursionError:
+        raise OctoctrlError(f"{name}: not valid TOML: brackets are nested too deeply") from None
+    except ValueError:
+        raise OctoctrlError(f"{name}: not valid TOML: a number has thousands of digits") from None
+
+
 def dotted(path: Path) -> str:
     """Write a `path` of keys and numbers as ``a.b[0].c``."""
     text = ""
@@ -101,7 +121,7 @@ def assign(data: dict[str, Any], assignment: str) -> Path:
         raise OctoctrlError(f"--set {assignment}: expected key=value, for example --set task.phases.store.duration=1.2")
     try:
         value = tomllib.loads(f"value = {raw.strip()}")["value"]
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         value = raw.strip()
     path: Path = ()
     target: Any = data

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.records import Record
+from octoctrl.sim.records import Record, check_shapes
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.topology.trace import TopologyTrace
 
@@ -191,6 +191,11 @@ class Plan(Record):
     feedback: str = "tvlqr"
     period: float | None = None
     report: PlanReport = field(default_factory=PlanReport)
+
+    def __post_init__(self) -> None:
+        # A plan that was refused may have no shapes.
+        shapes = ("T" if len(self.strains) else 0, "sections", 4)
+        check_shapes("plan", {"time": (self.time, ("T",)), "trace": (self.trace.time, ("T",)), "strains": (self.strains, shapes)})
 
     @property
     def arm(self) -> Arm:

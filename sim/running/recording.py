@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OctoctrlError
-from ..records import Record
+from ..records import Record, check_shapes
 
 Floats = NDArray[np.float64]
 
@@ -49,13 +49,17 @@ class Recording(Record):
     note: str = ""
 
     def __post_init__(self) -> None:
-        count = len(self.time)
-        for name in ("points", "frames", "stretch", "levels"):
-            if len(getattr(self, name)) != count:
-                raise OctoctrlError(f"recording: {name} has {len(getattr(self, name))} instants, time has {count}")
+        axes: dict[str, tuple[int | str, ...]] = {
+            "time": ("instants",), "points": ("instants", "nodes", 3), "frames": ("instants", "stations", 3, 3), "stations": ("stations",),
+            "stretch": ("instants", "elements"), "levels": ("instants", "groups", "elements"),
+        }  # fmt: skip
+        lengths = check_shapes("recording", {name: (getattr(self, name), shape) for name, shape in axes.items()})
+        if not lengths["stations"] - 2 == lengths["nodes"] - 1 == lengths["elements"]:
+            counts = ", ".join(f"{lengths[axis]} {axis}" for axis in ("nodes", "stations", "elements"))
+            raise OctoctrlError(f"recording: {counts} do not belong together; n elements have n + 1 nodes and n + 2 stations")
         for name, values in self.series.items():
-            if len(values) != count:
-                raise OctoctrlError(f"recording: series '{name}' has {len(values)} instants, time has {count}")
+            if np.ndim(values) < 1 or len(values) != lengths["instants"]:
+                raise OctoctrlError(f"recording: series '{name}' has shape {np.shape(values)}, time has {lengths['instants']} instants")
 
     @classmethod
     def joined(cls, pieces: Sequence["Recording"]) -> "Recording":

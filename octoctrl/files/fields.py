@@ -1,0 +1,75 @@
+"""Whether what a file says fits the annotated fields of a class: numbers where numbers belong, arrays where arrays do."""
+
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import is_dataclass
+from enum import Enum
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+
+def check_fields(kind: type, values: Mapping[str, Any]) -> None:
+    """Check the `values` of the fields of a dataclass (`kind`).
+
+    Raises
+    ------
+    TypeError
+        If one does not fit its annotation; what an annotation does not say is not checked.
+    """
+    hints = _hints(kind)
+    for name, value in values.items():
+        if name in hints and not fits(hints[name], value):
+            raise TypeError(f"{kind.__name__}.{name} is of type {type(value).__name__}")
+
+
+def fits(hint: Any, value: Any) -> bool:
+    """Whether a `value` is what a type `hint` asks for, as far as the hint is one of those that stored classes have."""
+    origin, inner = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        return any(fits(choice, value) for choice in inner)
+    if origin is np.ndarray or hint is np.ndarray:
+        return isinstance(value, np.ndarray) and _of_kind(inner, value)
+    if origin is tuple:
+        if not isinstance(value, tuple):
+            return False
+        if len(inner) == 2 and inner[1] is Ellipsis:
+            return all(fits(inner[0], item) for item in value)
+        return len(inner) == len(value) and all(map(fits, inner, value))
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return isinstance(value, dict) and all(fits(inner[0], key) and fits(inner[1], item) for key, item in value.items())
+    if isinstance(origin, type) and issubclass(origin, Sequence):
+        return isinstance(value, list | tuple) and all(fits(inner[0], item) for item in value)
+    if origin is typing.Literal:
+        return value in inner
+    if hint is float:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    if hint is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    if hint is None or hint is type(None):
+        return value is None
+    if isinstance(hint, type) and (hint in (str, bool) or is_dataclass(hint) or issubclass(hint, Enum) or _checkable(hint)):
+        return isinstance(value, hint)
+    return True
+
+
+def _of_kind(inner: tuple[Any, ...], value: np.ndarray) -> bool:
+    """Whether an array has numbers of the annotated kind."""
+    wanted = typing.get_args(inner[1]) if len(inner) == 2 else ()
+    if not wanted or not isinstance(wanted[0], type):
+        return value.dtype.kind in "fiub"
+    return np.issubdtype(value.dtype, wanted[0])
+
+
+def _checkable(hint: type) -> bool:
+    return bool(getattr(hint, "_is_protocol", False) and getattr(hint, "_is_runtime_protocol", False))
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    try:
+        return typing.get_type_hints(kind)
+    except (NameError, TypeError):  # of a class of the user's that names what is imported for type checkers only
+        return {}
