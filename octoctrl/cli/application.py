@@ -27,7 +27,7 @@ FAMILIES: dict[str, tuple[Callable[..., ExitCode], ...]] = {
     "Judge": (judging.verify, judging.compare, judging.report, judging.export),
     "Arms that were measured": (measured.topology, measured.fibres),
     "Measure": (measuring.bench, measuring.stability),
-    "Installation": (installation.doctor, installation.warmup),
+    "Installation": (installation.doctor, installation.warmup, installation.cite),
 }
 """Every command, by the heading of the help under which it stands; its function's name is the command's."""
 

@@ -46,3 +46,11 @@ def warmup(plant: PlantName = None, quiet: Quiet = False) -> ExitCode:
         progress.stop()
     print(f" the planner and the plant are compiled: {plants.PLANTS[name].text}")
     return ExitCode.WELL
+
+
+def cite() -> ExitCode:
+    """Print what to cite, in BibTeX."""
+    from ..citation import CITATION
+
+    print(CITATION)
+    return ExitCode.WELL

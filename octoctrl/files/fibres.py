@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from octoctrl.sim.body.fibres import FibreWinding, winding_of
 from octoctrl.sim.errors import OctoctrlError
 
+from ..extras import extra
+
 MILLIMETRE = 1e-3
 """Unit of both formats, in metres."""
 
@@ -34,14 +36,11 @@ def read_fibres(path: str | Path, axis: NDArray[np.float64] | None = None) -> Fi
     path = Path(path)
     if path.suffix not in (".trk", ".tck"):
         raise OctoctrlError(f"unknown format '{path.suffix}'; fibres are read from .trk or .tck")
-    try:
-        from nibabel.streamlines import load
-    except ImportError:
-        raise OctoctrlError(f"{path.suffix} files are read with nibabel: pip install 'octoctrl[fibres]'") from None
+    streamlines = extra("fibres", "nibabel.streamlines")
     if not path.is_file():
         raise OctoctrlError(f"{path} does not exist")
     try:
-        lines = [MILLIMETRE * np.asarray(line, dtype=float) for line in load(str(path)).streamlines]
+        lines = [MILLIMETRE * np.asarray(line, dtype=float) for line in streamlines.load(str(path)).streamlines]
     except Exception as error:  # nibabel lets through whatever a damaged file runs into
         raise OctoctrlError(f"{path} is no {path.suffix} file, or is damaged: {' '.join(str(error).split())[:120]}") from None
     whole = [line for line in lines if len(line) >= 3]

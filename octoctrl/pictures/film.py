@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.errors import OctoctrlError
-
 from ..carrying.results import Execution
+from ..extras import extra
 from ..files.writing import written_aside
 from .plots import arm_camera, arm_shape, draw_arm
 
@@ -57,12 +56,9 @@ def film(run: Execution, path: Path, *, speed: float = 1.0) -> Path:
 
 
 def _mp4(run: Execution, path: Path, rate: float, speed: float) -> Path:
-    try:
-        from imageio_ffmpeg import write_frames
-    except ImportError:
-        raise OctoctrlError("films in .mp4 need imageio-ffmpeg: pip install 'octoctrl[video]'; .gif and .webp do without") from None
+    ffmpeg = extra("video", "imageio_ffmpeg")
     with written_aside(path) as part:
-        writer = write_frames(str(part), (PIXELS, PIXELS), fps=rate, codec="libx264", quality=6, macro_block_size=16)
+        writer = ffmpeg.write_frames(str(part), (PIXELS, PIXELS), fps=rate, codec="libx264", quality=6, macro_block_size=16)
         writer.send(None)
         for picture in pictures(run, rate / speed):
             writer.send(picture.tobytes())

@@ -22,6 +22,7 @@ from octoctrl.sim.contact.columns import Body
 from octoctrl.sim.errors import OctoctrlError, check_number
 from octoctrl.sim.scene.objects import frame_of
 
+from ..extras import extra
 from ..judging.comparison import planned_points
 from .motion import Floats, outer_radius
 from .solids import mesh
@@ -58,10 +59,7 @@ class View:
 
     def __init__(self, *, port: int = 8080, host: str = "127.0.0.1", speed: float = 1.0) -> None:
         check_number("speed", speed, at_least=SLOWEST, at_most=FASTEST)
-        try:
-            import viser
-        except ImportError:
-            raise OctoctrlError("the live view needs viser: pip install 'octoctrl[viewer]'") from None
+        viser = extra("viewer", "viser")
         with redirect_stdout(io.StringIO()):  # it greets on standard output, which is for results
             self.server = viser.ViserServer(host=host, port=port, label="octoctrl", verbose=False)
         self.url = f"http://{host}:{self.server.get_port()}"

@@ -9,6 +9,7 @@ import numpy as np
 from octoctrl.sim.errors import OctoctrlError
 
 from ..carrying.results import Execution, Verdict
+from ..citation import CITATION
 from ..files.configuration import Configuration, RunSettings
 from ..files.store import versions
 from ..files.toml_writing import toml_of
@@ -208,17 +209,3 @@ def _details(number: int, run: Execution) -> str:
                 f'<button class="copy" data-from="{name}-{number}">copy</button></details>'
             )
     return f'{"".join(parts)}<p class="made">Page made with{html.escape(made_with)}.</p>'
-
-
-CITATION = """@software{octoctrl,
-  author = {{The octoctrl developers}},
-  title  = {octoctrl: planning muscle activations of a soft octopus arm in the language of topology},
-  year   = {2026}
-}
-@article{tekinalp2024topology,
-  author  = {Tekinalp, Arman and Naughton, Noel and Kim, Seung Hyun and others},
-  title   = {Topology, dynamics, and control of a muscle-architected soft arm},
-  journal = {Proceedings of the National Academy of Sciences},
-  year    = {2024}
-}"""
-"""What a page asks its readers to cite, BibTeX."""

@@ -1,0 +1,35 @@
+"""What to cite, in BibTeX: octoctrl, the arm and behaviours that it plans for, and the solvers."""
+
+from octoctrl import __version__
+
+OCTOCTRL = f"""@software{{octoctrl,
+  author  = {{{{The octoctrl developers}}}},
+  title   = {{octoctrl: planning muscle activations of a soft octopus arm in the language of topology}},
+  version = {{{__version__}}},
+  year    = {{2026}}
+}}"""
+ARM = """@article{tekinalp2024topology,
+  author  = {Tekinalp, Arman and Naughton, Noel and Kim, Seung Hyun and others},
+  title   = {Topology, dynamics, and control of a muscle-architected soft arm},
+  journal = {Proceedings of the National Academy of Sciences},
+  year    = {2024}
+}"""
+CASADI = """@article{andersson2019casadi,
+  author  = {Andersson, Joel A. E. and Gillis, Joris and Horn, Greg and Rawlings, James B. and Diehl, Moritz},
+  title   = {{CasADi}: a software framework for nonlinear optimization and optimal control},
+  journal = {Mathematical Programming Computation},
+  volume  = {11},
+  pages   = {1--36},
+  year    = {2019}
+}"""
+IPOPT = """@article{waechter2006ipopt,
+  author  = {W{\\"a}chter, Andreas and Biegler, Lorenz T.},
+  title   = {On the implementation of an interior-point filter line-search algorithm for large-scale nonlinear programming},
+  journal = {Mathematical Programming},
+  volume  = {106},
+  pages   = {25--57},
+  year    = {2006}
+}"""
+
+CITATION = "\n".join((OCTOCTRL, ARM, CASADI, IPOPT))
+"""For a paper that plans with octoctrl."""
