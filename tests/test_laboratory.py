@@ -109,6 +109,11 @@ def test_checks_find_what_is_wrong(moved, monkeypatch):
 
     assert "points holds" in laboratory_checks.finite(doctored("points", spoil))
     assert "orthonormal only to" in laboratory_checks.orthonormal(doctored("frames", tilt))
+    kept = {"volume": np.full(len(recording.time), 0.99), "slab_volume": np.full((len(recording.time), 3), 0.96)}
+    assert laboratory_checks.voluminous(replace(recording, series=kept)) is None and laboratory_checks.voluminous(recording) is None
+    for name, said in (("volume", "of the arm changes by 6.0%"), ("slab_volume", "of a slab changes by 6.0%")):
+        lost = kept | {name: np.where(np.arange(len(recording.time)) == 1, 0.94, kept[name].T).T}
+        assert said in laboratory_checks.voluminous(replace(recording, series=lost))
     assert "base has moved" in laboratory_checks.held(doctored("points", shift))
     assert "kinetic energy" in laboratory_checks.powered(doctored("points", tear), plant.arm, 1e3 * plant.core.node_mass)
     assert "does not slow down" in laboratory_checks.settled(replace(long, points=np.sin(30 * long.time)[:, None, None] * long.points))
@@ -197,15 +202,21 @@ def test_matrix_summary_and_page(tmp_path):
         Outcome(kind="water", number=0, ending=Ending.LIMIT, reason="stopped", again=True, stop=stop | {"rod": None}),
         Outcome(kind="huge step", number=0, ending=Ending.REFUSED, reason="too large", automatic=False),
         Outcome(kind="waves", number=0, ending=Ending.UNDETECTED, reason="why"),
+        Outcome(kind="full arm, all groups", number=0, ending=Ending.FINISHED, volume=0.991, slab_volume=1.004, retried=3),
+        Outcome(kind="full arm, all groups", number=1, ending=Ending.FINISHED, volume=1.002, slab_volume=0.981),
     ]
     counts = laboratory.matrix(outcomes)
-    assert list(counts) == ["gentle", "waves", "huge step", "water"] and counts["gentle"][Ending.UNSTABLE] == 1
+    assert list(counts) == ["gentle", "waves", "huge step", "water", "full arm, all groups"] and counts["gentle"][Ending.UNSTABLE] == 1
     numbers = laboratory.summary(outcomes)
-    assert numbers["undetected"] == 1 and numbers["automatic_unstable"] == 1 and numbers["automatic_steps"] == 4
+    assert numbers["undetected"] == 1 and numbers["automatic_unstable"] == 1 and numbers["automatic_steps"] == 6
+    assert (numbers["volume"], numbers["slab_volume"], numbers["retried"]) == (0.991, 0.981, 3)
     assert numbers["stopped"] == 2 and numbers["stopped_at_quarter_step_too"] == 1 and numbers["stops_without_a_place"] == 1
     said = laboratory_page.text(outcomes)
-    assert "undetected failures: 1" in said and "4 runs, 1 of them unstable" in said
+    assert "undetected failures: 1" in said and "6 runs, 1 of them unstable" in said
+    assert "whole arm 99.10%, worst slab 98.10%; 3 samples" in said
     endurance = {"moving": 2e-6, "rest": 2e-6, "never": 2e-6, "smallest": 1e-7}
+    page = laboratory_page.page({"assembly": outcomes[-2:]}, (long_run(20_000), endurance), ["octoctrl stability"], "stability.png")
+    assert "full arm, all groups 1, 0.00 s, volume 100.20%, slab 98.10%: finished" in page
     page = laboratory_page.page({"rod": outcomes}, (long_run(20_000), endurance), ["octoctrl stability"], "stability.png")
     assert all(ending.value in page for ending in Ending) and "2 times an element is bent" in page and "20,000 steps" in page
     laboratory_page.draw(outcomes, tmp_path / "matrix.png")

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from octoctrl.judging.verification import Limits
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.body.muscles import MuscleLaw
 from octoctrl.sim.running.recording import Recording
@@ -52,6 +53,16 @@ def linked(recording: Recording) -> str | None:
     residual = measure(recording.time, recording.points, recording.frames).residual
     worst = float(np.abs(residual - np.round(residual)).max())
     return f"link and writhe + twist differ by {worst:.2f} turns" if not worst < RESIDUAL else None
+
+
+def voluminous(recording: Recording) -> str | None:
+    """The volume that a `recording` holds, if its plant has one, is kept as far as a verdict wants it kept."""
+    limits = Limits()
+    for name, said, limit in (("volume", "the arm", limits.volume), ("slab_volume", "a slab", limits.slab_volume)):
+        worst = float(np.abs(recording.series[name] - 1).max()) if name in recording.series else 0.0
+        if not worst < limit:
+            return f"the volume of {said} changes by {worst:.1%}"
+    return None
 
 
 def powered(recording: Recording, arm: Arm, node_mass: Floats) -> str | None:

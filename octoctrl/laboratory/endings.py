@@ -63,6 +63,10 @@ class Outcome:
         Of a stopped run: whether it also stops, at the same time, at a quarter of the step. It is then not the step that is to blame.
     stop : dict or None
         Of a stopped run: time, rod, element and mechanism.
+    volume, slab_volume : float or None
+        Of plants that record it, over that at rest: the volume of the whole arm, and of a slab between two rings, furthest from one.
+    retried : int
+        How many samples were done at a part of the step because they would have stopped.
     simulated, spent : float, s
         Arm motion and processor time.
     """
@@ -75,6 +79,9 @@ class Outcome:
     error: float | None = None
     again: bool | None = None
     stop: dict[str, Any] | None = None
+    volume: float | None = None
+    slab_volume: float | None = None
+    retried: int = 0
     simulated: float = 0.0
     spent: float = 0.0
 
@@ -132,7 +139,7 @@ class _Run:
             recording, differing = self._recorded()
         except PlantUnstableError as error:
             return self._stopped(error)
-        found = {"simulated": float(recording.time[-1])}
+        found = self._facts(recording)
         complaint = differing or next(filter(None, self._complaints(recording)), None)
         if complaint:
             return found | {"ending": Ending.UNDETECTED, "reason": complaint}
@@ -196,6 +203,7 @@ class _Run:
         yield checks.orthonormal(recording)
         yield checks.held(recording)
         yield checks.linked(recording)
+        yield checks.voluminous(recording)
         if trial.stretch == 1.0 and trial.kind not in ASSEMBLY_KINDS:
             yield checks.powered(recording, plant.arm, plant.core.node_mass)
         if trial.kind == "settling":
@@ -213,7 +221,7 @@ class _Run:
         recording = error.recording
         complaint = checks.finite(recording) or checks.orthonormal(recording)
         if complaint:
-            return {"ending": Ending.UNDETECTED, "reason": f"kept in the recording of a stopped run: {complaint}"}
+            return self._facts(recording) | {"ending": Ending.UNDETECTED, "reason": f"kept in the recording of a stopped run: {complaint}"}
         again = None
         if self.trial.kind not in ASSEMBLY_KINDS:
             try:
@@ -221,13 +229,18 @@ class _Run:
                 again = False
             except PlantUnstableError as other:
                 again = abs(other.time - error.time) < SAME_TIME * error.time
-        return {
+        return self._facts(recording) | {
             "ending": Ending.UNSTABLE if error.stop and error.stop.unstable and not again else Ending.LIMIT,
             "reason": str(error),
             "again": again,
             "stop": {"time": error.time, "rod": error.rod, "element": error.element, "mechanism": error.mechanism},
-            "simulated": float(recording.time[-1]),
         }
+
+    def _facts(self, recording: Recording) -> dict[str, Any]:
+        """What is told of every run: how long it went, how often it had to be helped, and what became of its volume."""
+        volumes = {name: values for name, values in recording.series.items() if name in ("volume", "slab_volume")}
+        furthest = {name: float(values.flat[np.abs(values - 1).argmax()]) for name, values in volumes.items()}
+        return {"simulated": float(recording.time[-1]), "retried": self.plant.retried} | furthest
 
 
 def _state(plant: Plant) -> Iterable[Any]:

@@ -31,6 +31,7 @@ CHECKS = (
     "energy of a passive arm does not grow by 1 % more than at a quarter of the step",
     "an arm with constant activation comes to rest",
     "restart and batches give the same bits",
+    "the full arm keeps its volume to 3 %, each slab to 5 %",
 )
 FOUND = (
     "a flutter of slender tapered tips at slight activation: the brake on the zigzag of curvature had weights by joint, not symmetric, "
@@ -69,6 +70,11 @@ def _numbers(outcomes: Sequence[Outcome]) -> list[str]:
         lines.append(
             f"tip against half the step, {numbers['compared_with_half_the_step']} runs that are not sensitive: median {median:.2%} of the "
             f"length, 95 % below {most:.2%}"
+        )
+    if numbers["volume"] is not None:
+        lines.append(
+            f"volume furthest from that at rest, of all runs: whole arm {numbers['volume']:.2%}, worst slab {numbers['slab_volume']:.2%}; "
+            f"{numbers['retried']} samples done at a part of the step"
         )
     return [*lines, f"{numbers['simulated']:.0f} s of arm motion, {numbers['processor_time']:.0f} s of processor time with all checks"]
 
@@ -109,12 +115,16 @@ def page(studies: dict[str, list[Outcome]], endurance: tuple[dict[str, float], d
         if stops := _stops(outcomes):
             parts.append("\n".join(["What stopped the runs:", "", *stops]))
         if plant != "rod":
-            parts.append(
-                "\n".join(f"* {item.kind} {item.number}, {item.simulated:.2f} s: {item.reason or 'finished'}" for item in outcomes)
-            )
+            parts.append("\n".join(f"* {item.kind} {item.number}, {_motion(item)}: {item.reason or 'finished'}" for item in outcomes))
     parts += ["## What the columns mean", "\n".join(f"* **{ending.value}**: {said}" for ending, said in MEANING.items())]
     parts += ["## Long runs", _endurance(*endurance), "## What it found", "Mended since, and kept so by `tests/test_laboratory.py`:"]
     return "\n\n".join([*parts, "\n".join(f"* {item};" for item in FOUND[:-1]) + f"\n* {FOUND[-1]}."]) + "\n"
+
+
+def _motion(outcome: Outcome) -> str:
+    if outcome.volume is None or outcome.slab_volume is None:
+        return f"{outcome.simulated:.2f} s"
+    return f"{outcome.simulated:.2f} s, volume {outcome.volume:.2%}, slab {outcome.slab_volume:.2%}"
 
 
 def _stops(outcomes: Sequence[Outcome]) -> list[str]:

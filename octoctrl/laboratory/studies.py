@@ -6,7 +6,7 @@ Outcomes are appended to a file of JSON lines, one for each run, so that an inte
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict
 from math import ceil
@@ -168,9 +168,17 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "compared_with_half_the_step": len(errors),
         "median_error": errors[len(errors) // 2] if errors else None,
         "error_of_95_percent": errors[int(0.95 * len(errors))] if errors else None,
+        "retried": sum(outcome.retried for outcome in outcomes),
+        "volume": _furthest(outcome.volume for outcome in outcomes),
+        "slab_volume": _furthest(outcome.slab_volume for outcome in outcomes),
         "simulated": sum(outcome.simulated for outcome in outcomes),
         "processor_time": sum(outcome.spent for outcome in outcomes),
     }
+
+
+def _furthest(volumes: Iterable[float | None]) -> float | None:
+    """The volume that is furthest from that at rest, None if no run has any."""
+    return max((value for value in volumes if value is not None), key=lambda value: abs(value - 1), default=None)
 
 
 def content(outcomes: Sequence[Outcome]) -> dict[str, Any]:
