@@ -1,6 +1,9 @@
 """Drives that the planner chooses: what it takes, what it leaves out, what it says when the given ones do not do."""
 
+import os
+import signal
 from dataclasses import replace
+from threading import Timer
 
 import numpy as np
 import pytest
@@ -132,6 +135,19 @@ def test_a_task_file_leaves_its_drives_to_the_planner(tmp_path, chosen):
     oc.save(tmp_path / "plan.npz", chosen)
     loaded = oc.load(tmp_path / "plan.npz")
     assert loaded.report.alternatives == chosen.report.alternatives and loaded.task == chosen.task
+
+
+@pytest.mark.parametrize("after", [0.05, 0.4, 0.9])
+def test_an_interrupt_while_drives_are_chosen_leaves_no_plan(after, identified):
+    """Of the arm's coil, which takes longer than that to choose for."""
+    task = replace(oc.tasks.load("coil").task, drives="choose")
+    timer = Timer(after, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            planner.plan(task, identified, time_limit=600.0)
+    finally:
+        timer.cancel()
 
 
 def test_mistakes_are_told():
