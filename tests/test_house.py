@@ -15,10 +15,11 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = {"octoctrl": "octoctrl", "octoctrl.sim": "sim", "octoctrl.planners": "planners"}
 MODULES = sorted(path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py") if not path.parent.is_symlink())
 
-SIM_GROUND = {"errors", "findings", "compiler", "records", "rotations", "contracts", "writing", "archives", "registries"}
+SIM_GROUND = {"errors", "findings", "compiler", "records", "rotations", "contracts", "writing", "archives", "registries", "annotations"}
 VOCABULARY = {
     "errors",
     "compiler",
+    "annotations",
     "records",
     "registries",
     "rotations",
@@ -41,6 +42,7 @@ ROOMS = {
         "writing": {"errors"},
         "archives": {"errors", "writing"},
         "registries": {"errors"},
+        "annotations": set(),
         "records": {"errors"},
         "rotations": set(),
         # Names types of the rooms that it is a contract between.

@@ -18,13 +18,13 @@ import numpy as np
 
 from octoctrl import __version__
 from octoctrl.planners.asking.registry import stored_kinds
+from octoctrl.sim.annotations import made as made_of
 from octoctrl.sim.archives import read_archive, write_archive
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.registries import enter
 
 from ..extras import extra
 from . import netcdf
-from .fields import check_fields
 from .writing import check_target
 
 SCHEMA = 2
@@ -296,8 +296,7 @@ def _decode(tree: Any, arrays: dict[str, np.ndarray]) -> Any:
         return _class(tree["enum"])[tree["name"]]
     kind = _class(tree["type"])
     values = {name: _decode(inner, arrays) for name, inner in tree["fields"].items()}
-    check_fields(kind, values)
-    made = kind(**values)
+    made = made_of(kind, values)
     for name, value in values.items():
         # A constructor may normalise what it is given, and a second time to other last digits; what was stored is what counts.
         if not isinstance(value, np.ndarray):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from octoctrl.sim.annotations import made
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.records import Record
@@ -134,32 +135,41 @@ class IdentifiedModel(Record):
         Raises
         ------
         OctoctrlError
-            If it was identified for another arm.
+            If it is no such file, or was identified for another arm.
         """
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-        if content["arm"] != arm.fingerprint:
-            raise OctoctrlError(
-                f"{path}: identified for an arm with hash {content['arm']}, this arm '{arm.name}' has {arm.fingerprint}; identify again"
-            )
-        reach: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in content["reach"].items()}
-        validity = content["validity"] | {"stretch": tuple(content["validity"]["stretch"])}
-        return cls(
-            model=ReducedModel(
-                arm=arm,
-                scene=Scene() if scene is None else scene,
-                laws=content["laws"],
-                sections=content["sections"],
-                parameters=ReducedParameters(**content["parameters"]),
-            ),
-            names=tuple(content["names"]),
-            covariance=np.array(content["covariance"]),
-            residual_rms=content["residual_rms"],
-            validity=ValidityRegion(**validity),
-            reach=ReachLimits(**reach),
-            fingerprint=content["arm"],
-            plant=content.get("plant", "rod"),
-            statistics=content["statistics"],
-        )
+        try:
+            content = json.loads(Path(path).read_text(encoding="utf-8"))
+            if str(content["arm"]) != arm.fingerprint:
+                raise OctoctrlError(
+                    f"{path}: identified for an arm with hash {content['arm']}, this arm '{arm.name}' has {arm.fingerprint}; identify again"
+                )
+            listed = {name: {key: _tuple(value) for key, value in content[name].items()} for name in ("validity", "reach", "parameters")}
+            values = {
+                "model": ReducedModel(
+                    arm=arm,
+                    scene=Scene() if scene is None else scene,
+                    laws=content["laws"],
+                    sections=content["sections"],
+                    parameters=made(ReducedParameters, listed["parameters"]),
+                ),
+                "names": tuple(content["names"]),
+                "covariance": np.array(content["covariance"], dtype=np.float64),
+                "residual_rms": content["residual_rms"],
+                "validity": made(ValidityRegion, listed["validity"]),
+                "reach": made(ReachLimits, listed["reach"]),
+                "fingerprint": content["arm"],
+                "plant": content.get("plant", "rod"),
+                "statistics": content["statistics"],
+            }
+            return made(cls, values)
+        except OctoctrlError:
+            raise
+        except Exception:  # whatever becomes of values that no model has
+            raise OctoctrlError(f"{path} is no reduced model, or is damaged; make one with: octoctrl identify -o {path}") from None
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
 
 
 def first_guess(arm: Arm, plant: str = "rod") -> ReducedParameters:

@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from enum import Enum
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+
+Made = TypeVar("Made")
 
 
 def check_fields(kind: type, values: Mapping[str, Any]) -> None:
@@ -23,6 +25,18 @@ def check_fields(kind: type, values: Mapping[str, Any]) -> None:
     for name, value in values.items():
         if name in hints and not fits(hints[name], value):
             raise TypeError(f"{kind.__name__}.{name} is of type {type(value).__name__}")
+
+
+def made(kind: type[Made], values: Mapping[str, Any]) -> Made:
+    """An object of a dataclass (`kind`) from `values` out of a file.
+
+    Raises
+    ------
+    TypeError
+        If they do not fit, or one is missing or too much.
+    """
+    check_fields(kind, values)
+    return kind(**values)
 
 
 def fits(hint: Any, value: Any) -> bool:
