@@ -2,8 +2,8 @@
 
 Every kernel is compiled by :func:`kernel`: cached on disk; without fast-math reassociation (results must not depend on how a loop was
 vectorised) but with fused multiply-add, one rounding instead of two in a fifth less time; with NumPy's division semantics (a zero
-denominator gives inf or nan, which the divergence guard sees, and never an exception from inside the time loop); and without Python's
-global lock, so that threads can simulate side by side.
+denominator gives inf or nan, which the divergence guard sees, and never an exception from inside the time loop); without Python's
+global lock, so that threads can simulate side by side; and in the precision of its arguments, see `Constants`.
 """
 
 import hashlib
@@ -18,12 +18,63 @@ from typing import Any
 
 import numba
 import numpy as np
+from numba.core import ir, types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import FunctionPass, PassManager, register_pass
+from numba.core.typed_passes import NopythonTypeInference
 
 _log = logging.getLogger(__name__)
 
 BUILDING = Lock()
 """Held while compiled code is put together, so that plants in several threads share it."""
+
+
+@register_pass(mutates_CFG=False, analysis_only=False)
+class Constants(FunctionPass):
+    """Give the constants of a function single precision if one of its arguments has it.
+
+    One source so serves both precisions. A Python float is double, and what it meets would be promoted to double with it: literals, and
+    floats and tuples of floats in closures and modules become single here. Whole numbers stay what they are, as they may be indices: in
+    a kernel a number is written with its point where it meets reals.
+    """
+
+    _name = "constants"
+
+    def __init__(self) -> None:
+        super().__init__()
+
+    def run_pass(self, state: Any) -> bool:
+        """Replace the constants in the untyped code of the function."""
+        if not any(map(_is_single, state.args)):
+            return False
+        for block in state.func_ir.blocks.values():
+            for assignment in block.find_insts(ir.Assign):
+                if isinstance(assignment.value, ir.Const | ir.Global | ir.FreeVar):
+                    assignment.value.value = _single(assignment.value.value)
+        return True
+
+
+class _Compiler(CompilerBase):
+    """numba's own compiler, with `Constants` before it infers types."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        place = [item[0] for item in passes.passes].index(NopythonTypeInference)
+        passes.passes.insert(place, (Constants, "precision of constants"))
+        passes.finalize()
+        return [passes]
+
+
+def _is_single(kind: Any) -> bool:
+    parts: Any = kind if isinstance(kind, types.BaseTuple) else ()
+    return any(map(_is_single, parts)) or getattr(kind, "dtype", kind) == types.float32
+
+
+def _single(value: Any) -> Any:
+    if type(value) is float:
+        return np.float32(value)
+    return tuple(map(_single, value)) if type(value) is tuple else value
 
 
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -48,7 +99,7 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """
     if function is None:
         return lambda inner: kernel(inner, **options)
-    settings: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True} | options
+    settings: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True, "pipeline_class": _Compiler} | options
     if function.__closure__ is not None:
         # Machine code of variants that were compiled in different processes could otherwise bear one name, and a process that loads both
         # would run one for the other: numba tells them apart by counting.

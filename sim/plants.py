@@ -53,16 +53,31 @@ class PlantRow:
     compiled: str = ""
 
 
+def _check_options(plant: str, options: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    for name in options:
+        check_choice(f"{plant} option", name, known)
+
+
 def _rod(arm: Arm, scene: Scene, **options: Any) -> Core:
     from .rod.core import RodCore
 
+    _check_options("rod", options, ("complete",))
     return RodCore(arm, scene, **options)
 
 
 def _assembly(arm: Arm, scene: Scene, **options: Any) -> Core:
     from .assembly.core import AssemblyCore
 
+    _check_options("assembly", options, ("paper_compatible", "precision", "resting_tone", "ring_nodes", "rings"))
     return AssemblyCore(arm, scene, **options)
+
+
+def _mixed(arm: Arm, scene: Scene, **options: Any) -> Core:
+    return _assembly(arm, scene, **{"precision": "mixed"} | options)
+
+
+def _coarse_mixed(arm: Arm, scene: Scene, **options: Any) -> Core:
+    return _coarse(arm, scene, **{"precision": "mixed"} | options)
 
 
 def _coarse(arm: Arm, scene: Scene, **options: Any) -> Core:
@@ -93,6 +108,22 @@ PLANTS: dict[str, PlantRow] = {
             name="assembly-coarse",
             text="the full arm of 197 rods with coarse rings, in a third of the time",
             core=_coarse,
+            modelled_as="assembly",
+            first_time="about a minute",
+            compiled="octoctrl.sim.assembly.stepping:assembly_stepper",
+        ),
+        PlantRow(
+            name="assembly-mixed",
+            text="the full arm of 197 rods in mixed precision, in half the time",
+            core=_mixed,
+            modelled_as="assembly",
+            first_time="about a minute",
+            compiled="octoctrl.sim.assembly.stepping:assembly_stepper",
+        ),
+        PlantRow(
+            name="assembly-coarse-mixed",
+            text="the full arm of 197 rods with coarse rings in mixed precision, in a sixth of the time",
+            core=_coarse_mixed,
             modelled_as="assembly",
             first_time="about a minute",
             compiled="octoctrl.sim.assembly.stepping:assembly_stepper",
@@ -155,7 +186,7 @@ class Plant(running.Plant):
     scene : Scene, optional
     model : str
         A name in `PLANTS`: ``"rod"``, one Cosserat rod of the arm's outline; ``"assembly"``, the full arm of 197 rods, which takes some 500
-        times as long; ``"assembly-coarse"``, that with rings of `COARSE_RING` nodes.
+        times as long; ``"assembly-coarse"``, that with rings of `COARSE_RING` nodes; either with ``"-mixed"``, in mixed precision.
     dt : float or "auto", s
         Largest time step; the step in use divides `sample_interval`. ``"auto"`` takes the usual share of the predicted stability limit.
     sample_interval : float, s
@@ -165,7 +196,7 @@ class Plant(running.Plant):
     gains : mapping of str to float, optional
         Factors in [0, 1] on the levels of muscle groups, 0 for a dead one.
     **options
-        Of the core: ``rings``, ``ring_nodes``, ``resting_tone`` and ``paper_compatible`` of the full arm, see
+        Of the core: ``rings``, ``ring_nodes``, ``resting_tone``, ``precision`` and ``paper_compatible`` of the full arm, see
         `octoctrl.sim.assembly.core.AssemblyCore`.
 
     Raises
@@ -197,7 +228,7 @@ def make_plant(name: str = "rod", arm: Arm | None = None, scene: Scene | None = 
 
     Parameters
     ----------
-    name : {"rod", "assembly", "assembly-coarse"}
+    name : {"rod", "assembly", "assembly-coarse", "assembly-mixed", "assembly-coarse-mixed"}
         Or one that was entered with `register`.
     arm : Arm, optional
         The octopus arm if omitted.
@@ -230,7 +261,7 @@ def warmup(name: str = "rod", progress: _Shown | None = None) -> float:
 
     Parameters
     ----------
-    name : {"rod", "assembly", "assembly-coarse"}
+    name : {"rod", "assembly", "assembly-coarse", "assembly-mixed", "assembly-coarse-mixed"}
     progress : Progress, optional
         Live display.
 

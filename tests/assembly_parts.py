@@ -15,7 +15,8 @@ from octoctrl.sim.assembly.terms import Step, hydrostat_terms, published_terms
 def step_of(plant, drag=None):
     """What the terms of a plant's step are given."""
     rods = plant.core.rods
-    return Step(plant.h, plant.core._laws, plant.core._drag if drag is None else drag, rods.ring_index, rods.helix_index)
+    h, laws, drag = map(plant.core._rounded, (plant.h, plant.core._laws, plant.core._drag if drag is None else drag))
+    return Step(h, laws, drag, rods.ring_index, rods.helix_index)
 
 
 def terms_of(plant, drag=None):

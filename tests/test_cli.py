@@ -150,7 +150,7 @@ def test_every_command_stands_in_a_family_and_says_what_it_does(capsys):
     ("words", "offered"),
     [
         ("octoctrl plan c", {"coil"}),
-        ("octoctrl run plan.npz --plant a", {"assembly", "assembly-coarse"}),
+        ("octoctrl run plan.npz --plant a", {"assembly", "assembly-coarse", "assembly-mixed", "assembly-coarse-mixed"}),
         ("octoctrl bench st", {"steps", "startup"}),
     ],
     ids=["task", "plant", "part"],

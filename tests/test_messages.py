@@ -16,6 +16,7 @@ from octoctrl.files import store
 from octoctrl.planners.asking.registry import primitive
 from octoctrl.planners.asking.shares import Share
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.plants import make_plant
 
 TEMPLATE = """[task]
 name = "reach"
@@ -42,6 +43,9 @@ OBJECTS = [
     (lambda: oc.Arm(elements=2), "elements=2: at least 8 are needed to carry a curvature packet (10 per packet width advised)"),
     (lambda: oc.Arm(base_radius=0.08), "radius 0.08 m for a 0.20 m arm: rod theory wants radius/length < 0.25, found 0.40"),
     (lambda: oc.Arm.octopus(lenght=0.2), f"Arm has no field 'lenght'; did you mean 'length'? ({', '.join(item.name for item in fields(oc.Arm))})"),
+    (lambda: make_plant("assembly", precision="half"), "unknown precision 'half' (double, mixed)"),
+    (lambda: make_plant("assembly", precision="mixed", paper_compatible=True), "paper_compatible is in double precision, to the bit; leave precision='mixed' out"),
+    (lambda: make_plant("rod", precision="mixed"), "unknown rod option 'precision' (complete)"),
     (lambda: oc.Phase(name="store", duration=0), "phase 'store': duration=0 s is outside 0.3…4 s"),
     (lambda: oc.goal("twist", value=float("nan")), "goal twist is nan; a finite number is needed"),
     (lambda: primitive("bendwave"), "unknown primitive 'bendwave'; did you mean 'BendWave'? (Bend, BendWave, Elongate, Shorten, Twist)"),

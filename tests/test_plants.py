@@ -66,7 +66,8 @@ def test_factory_makes_each_plant_for_arm_and_scene():
     ],
 )
 def test_unknown_plant_is_refused_with_the_nearest(call):
-    with pytest.raises(OctoctrlError, match=r"unknown plant 'asembly'; did you mean 'assembly'\? \(rod, assembly, assembly-coarse\)"):
+    known = "rod, assembly, assembly-coarse, assembly-mixed, assembly-coarse-mixed"
+    with pytest.raises(OctoctrlError, match=rf"unknown plant 'asembly'; did you mean 'assembly'\? \({known}\)"):
         call()
 
 

@@ -24,6 +24,7 @@ from ..tables import Table, machine
 PARTS = {
     "rod": ("octoctrl.bench.precision", "rod_precision"),
     "assembly": ("octoctrl.bench.precision", "assembly_precision"),
+    "mixed": ("octoctrl.bench.mixed", "mixed_precision"),
     "reduced": ("octoctrl.bench.precision", "reduced_precision"),
     "closed-forms": ("octoctrl.bench.closed_forms", "closed_forms"),
     "scaling": ("octoctrl.bench.speed", "scaling"),
@@ -41,7 +42,7 @@ DRAWN = ("plans", "choice", "following")
 TOGETHER = "tasks"
 
 QUICK = ("rod", "reduced", "closed-forms", "scaling", "skips", "steps", "startup")
-"""What runs when no part is named: all but the assembly, whose compilation takes a minute."""
+"""What runs when no part is named: all but the full arm, whose compilation takes a minute."""
 
 
 def run(

@@ -41,13 +41,16 @@ def between_kernels(grid):
     H, FA, FB, FD, FE, FH = (c[name] for name in ("H1", "FA1", "FB1", "FD1", "FE1", "FH1"))
     SPRING, CONTACT, EFFECTIVE, SHARE, ARC = (c[k] for k in ("SPRING", "CONTACT", "EFFECTIVE", "SHARE", "ARC"))
     places, results = (A, B, D, E), (FA, FB, FD, FE)
-    fetch, _, give, _ = transfer_kernels(grid)
+    bring, _, give, _ = transfer_kernels(grid)
 
     @kernel
     def gather(b, ring_index, helix_index):
-        for place in range(4):
-            fetch(b, ring_index[place], X1, X2, X3, places[place])
-        fetch(b, helix_index[0], HX1, HX2, HX3, H)
+        for j in range(helices):
+            for i in range(ONE, last):
+                k = np.uint64(j) * L + i
+                for place in range(4):
+                    bring(b, k, ring_index[place, k], X1, X2, X3, places[place])
+                bring(b, k, helix_index[0, k], HX1, HX2, HX3, H)
 
     @kernel
     def connect(b):

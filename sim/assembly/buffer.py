@@ -1,13 +1,13 @@
 """The buffer of an assembly, filled from geometry: states at rest, stiffnesses, masses, connection constants, damping for a time step."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from math import prod, tan, tau
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from ..body.arm import Arm
 from ..body.grid import AssemblyGrid
@@ -28,7 +28,7 @@ from .constants import (
 from .crossing_kernels import crossing_offsets
 from .family_kernels import family_offsets
 from .geometry import AssemblyGeometry, RodFamily
-from .layout import STATE_ROWS, AssemblyRow, CrossingRow, SlabRow, SpokeRow, stride_of
+from .layout import SINGLE_STATE_ROWS, STATE_ROWS, AssemblyRow, CrossingRow, SlabRow, SpokeRow, stride_of
 from .pressure_kernels import buffer_size, slab_offsets
 from .spoke_kernels import spoke_offsets
 
@@ -54,8 +54,8 @@ class AssemblyBuffer:
     Attributes
     ----------
     grid : AssemblyGrid
-    flat : (size,) float64
-    open_rods, rings, spokes, crossings, slabs : (rows, stride) float64
+    flat : (size,) float64, or float32 in single precision
+    open_rods, rings, spokes, crossings, slabs : (rows, stride), as `flat`
         Views; rows are those of `AssemblyRow`, `SpokeRow`, `CrossingRow` and `SlabRow`.
     ring_index : (6, helices * lanes) uint64
     helix_index : (3, helices * lanes) uint64
@@ -82,7 +82,7 @@ class AssemblyBuffer:
 
     def __setstate__(self, content: dict[str, Any]) -> None:
         """Take up what `__getstate__` gave."""
-        flat = aligned(content["flat"].size)
+        flat = aligned(content["flat"].size, content["flat"].dtype)
         flat[:], content["flat"] = content["flat"], flat
         for name, part in content.items():
             if isinstance(part, _Place):
@@ -91,7 +91,8 @@ class AssemblyBuffer:
 
     def state(self) -> tuple[Floats, Floats]:
         """Copies of the state rows of open rods and rings."""
-        return self.open_rods[:STATE_ROWS].copy(), self.rings[:STATE_ROWS].copy()
+        rows = self._state_rows
+        return self.open_rods[:rows].copy(), self.rings[:rows].copy()
 
     def restore(self, state: Sequence[Floats]) -> None:
         """Write back what `state` returned, and clear what a diverged step may have left in the scratch."""
@@ -100,7 +101,16 @@ class AssemblyBuffer:
             rows[R.STRETCH] = 1.0
         self.spokes[: SpokeRow.CU11], self.spokes[SpokeRow.F1 :] = 0.0, 0.0
         self.crossings[: CrossingRow.A_RADIUS], self.crossings[CrossingRow.FA1 :], self.slabs[SlabRow.A1 :] = 0.0, 0.0, 0.0
-        self.open_rods[:STATE_ROWS], self.rings[:STATE_ROWS] = state
+        self.open_rods[: self._state_rows], self.rings[: self._state_rows] = state
+
+    @property
+    def _state_rows(self) -> int:
+        return SINGLE_STATE_ROWS if self.grid.single else STATE_ROWS
+
+    def points(self, view: Callable[..., Floats], **nodes: bool) -> Floats:
+        """Positions (..., 3) of the nodes that a `view` shows, such as `straight`, m."""
+        high, low = (np.stack([view(row + i, **nodes) for i in range(3)], axis=-1) for row in (R.X1, R.LOW1))
+        return high.astype(float) + low if self.grid.single else high
 
     def straight(self, row: int, nodes: bool = False) -> Floats:
         """View (straight rods, n) of one `row` of the straight rods, n + 1 wide for `nodes`."""
@@ -142,14 +152,15 @@ class AssemblyBuffer:
         return self.slabs[row, 1 : self.grid.rings + 1]
 
 
-CACHE_LINE = 8
-"""Numbers in a line of the processor's cache."""
+CACHE_LINE = 64
+"""Bytes in a line of the processor's cache."""
 
 
-def aligned(count: int) -> Floats:
+def aligned(count: int, kind: DTypeLike) -> Floats:
     """So many zeros that begin with a cache line, which NumPy's arrays do not: every wide access would cross one."""
-    room = np.zeros(count + CACHE_LINE)
-    skipped = -(room.__array_interface__["data"][0] // room.itemsize) % CACHE_LINE
+    kind = np.dtype(kind)
+    room = np.zeros(count + CACHE_LINE // kind.itemsize, dtype=kind)
+    skipped = -room.__array_interface__["data"][0] % CACHE_LINE // kind.itemsize
     return room[skipped : skipped + count]
 
 
@@ -157,7 +168,7 @@ def new_assembly(geometry: AssemblyGeometry) -> AssemblyBuffer:
     """A zeroed buffer for `geometry`, with its tables of indices."""
     grid = geometry.grid
     lanes, count = grid.lanes, grid.rings
-    flat = aligned(buffer_size(grid))
+    flat = aligned(buffer_size(grid), np.float32 if grid.single else np.float64)
 
     def view(start: Any, rows: type[IntEnum], slots: int) -> Floats:
         stride = stride_of(slots, lanes)
@@ -198,19 +209,22 @@ def _node_before(geometry: AssemblyGeometry) -> NDArray[np.int64]:
 def set_rest(buffer: AssemblyBuffer, geometry: AssemblyGeometry) -> None:
     """Put all rods to rest in their initial places; ghosts go on along the end edges."""
     grid, lanes = buffer.grid, buffer.grid.lanes
-    buffer.open_rods[:STATE_ROWS], buffer.rings[:STATE_ROWS] = 0.0, 0.0
+    buffer.open_rods[:SINGLE_STATE_ROWS], buffer.rings[:SINGLE_STATE_ROWS] = 0.0, 0.0
     for family, start, wide in ((geometry.straight, 0, 1), (geometry.oblique, grid.straight_rods, grid.helix_nodes)):
         for rod in range(len(family.points)):
             slot = slice((start + wide * rod) * lanes, (start + wide * (rod + 1)) * lanes)
             points, frames = family.points[rod], family.frames[rod]
             after = wide * lanes - len(points) - 1
             tail = points[-1] + np.arange(1, after + 1)[:, None] * (points[-1] - points[-2])
-            buffer.open_rods[R.X1 : R.X3 + 1, slot] = np.concatenate([[2 * points[0] - points[1]], points, tail]).T
+            placed = np.concatenate([[2 * points[0] - points[1]], points, tail]).T
+            buffer.open_rods[R.X1 : R.X3 + 1, slot] = placed
+            buffer.open_rods[R.LOW1 : R.LOW3 + 1, slot] = placed - buffer.open_rods[R.X1 : R.X3 + 1, slot]
             padded = np.concatenate([frames[:1], frames, np.repeat(frames[-1:], wide * lanes - len(frames) - 1, axis=0)])
             buffer.open_rods[R.Q11 : R.Q33 + 1, slot] = padded.reshape(-1, 9).T
     buffer.open_rods[R.Q11 : R.Q33 + 1, grid.open_slots * lanes :] = np.eye(3).reshape(9, 1)
-    for row, values in zip(range(R.X1, R.X3 + 1), np.moveaxis(geometry.rings.points, -1, 0), strict=True):
-        _set_ring(buffer, row, values)
+    for axis, values in enumerate(np.moveaxis(geometry.rings.points, -1, 0)):
+        _set_ring(buffer, R.X1 + axis, values)
+        _set_ring(buffer, R.LOW1 + axis, values - buffer.ring(R.X1 + axis))
     frames = geometry.rings.frames.reshape(grid.rings, grid.ring_nodes, 9)
     for row, values in zip(range(R.Q11, R.Q33 + 1), np.moveaxis(frames, -1, 0), strict=True):
         _set_ring(buffer, row, values)
@@ -404,5 +418,5 @@ def _fill_slabs(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeometry, h:
     root = 1 + 0.5 / ring_smoothing(arm, geometry, h)
     root = 1 / (root + np.sqrt(root**2 - 1))
     power = root**nodes
-    for row, values in ((T.ROOT, root), (T.UNROOT, 1 / root), (T.GAIN, (1 - root) ** 2), (T.POWER, power), (T.CLOSURE, 1 / (1 - power))):
+    for row, values in ((T.ROOT, root), (T.GAIN, (1 - root) ** 2), (T.CLOSURE, 1 / (1 - power))):
         buffer.slab(row)[:] = values

@@ -6,9 +6,10 @@ step can carry, softened contacts, no filter.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from math import sqrt, tau
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +19,14 @@ from ..body.arm import Arm
 from ..body.grid import AssemblyGrid
 from ..compiler import BUILDING
 from ..contracts import Floats, Motion, State
-from ..errors import OctoctrlError, check_number
+from ..errors import OctoctrlError, check_choice, check_number
 from ..findings import Finding, Stop
-from ..physics.fibre_kernels import law_constants
+from ..physics.fibre_kernels import MIDDLE, law_constants
 from ..running.clock import Clock, StepLimit
 from ..scene.loads import TORQUE, TWIST
 from ..scene.scene import Scene
 from .buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
-from .constants import fibre_laws, thin_ring_limit
+from .constants import fibre_laws, slab_volumes, thin_ring_limit
 from .diagnosis import cause
 from .energies import connections_of
 from .geometry import assembly_geometry, assembly_grid
@@ -34,6 +35,7 @@ from .layout import AssemblyRow, SlabRow, SpokeRow
 DEFAULT_SHARE, LARGEST_SHARE = 0.58, 0.695
 """Shares of the linear limit that a step takes, and may take: 50 and 60 of 86 microseconds for the published arm, where 70 diverges."""
 PUBLISHED_STEP = 1e-5
+PRECISIONS = ("double", "mixed")
 TONE_RAMP = 0.01
 """Time (s) in which the resting tone comes up."""
 STRAIGHT_SHOWN, OBLIQUE_SHOWN, RINGS_SHOWN = 46, 120, 30
@@ -84,6 +86,9 @@ class AssemblyCore:
     paper_compatible : bool
         Integrate as published (Tekinalp et al. 2024): muscle force along d3, explicit force-velocity law, velocity filter, at 1e-5 s.
         Only for comparison: the motion depends on the step and active oblique rods buckle in shear.
+    precision : {"double", "mixed"}
+        ``"mixed"`` computes in single precision and keeps positions to twice its digits, in about half the time; its errors are in
+        docs/benchmarks.md.
 
     Attributes
     ----------
@@ -110,6 +115,7 @@ class AssemblyCore:
         ring_nodes: int | None = None,
         resting_tone: float | None = None,
         paper_compatible: bool = False,
+        precision: Literal["double", "mixed"] = "double",
     ) -> None:
         if scene.objects:
             raise OctoctrlError(f"the full arm does not touch objects yet (found '{scene.objects[0].name}'); use the plant 'rod'")
@@ -119,9 +125,14 @@ class AssemblyCore:
             resting_tone = anatomy.published_tone if paper_compatible else anatomy.resting_tone
         check_number("resting_tone", resting_tone, at_least=0.0, at_most=1.0)
         self.resting_tone = resting_tone
+        check_choice("precision", precision, PRECISIONS)
+        if paper_compatible and precision != "double":
+            raise OctoctrlError(f"paper_compatible is in double precision, to the bit; leave precision='{precision}' out")
+        self.precision = precision
         self.grid = assembly_grid(arm, rings, ring_nodes)
         if paper_compatible and self.grid != assembly_grid(arm):
             raise OctoctrlError("paper_compatible is the published arm with its own numbers of rings and ring nodes; leave both out")
+        self.grid = replace(self.grid, single=precision == "mixed")
         self.geometry = assembly_geometry(arm, self.grid)
         self.elements = self.grid.rings
         self.partitions = {"arm": np.linspace(0.0, arm.length, self.elements + 1), "oblique": self.geometry.oblique_edges}
@@ -140,7 +151,9 @@ class AssemblyCore:
         density = 0.0 if water is None else water.density * water.factor
         rates = (0.0, 0.0) if water is None else (water.factor * water.oblique_rate, water.factor * water.ring_rate)
         self._drag = (density * drag[0], density * drag[1], *rates)
-        self._laws = tuple(law_constants(law, viscosity=anatomy.viscosity) for law in fibre_laws(arm, paper_compatible))
+        centre = MIDDLE if self.grid.single else 0.0
+        laws = fibre_laws(arm, paper_compatible)
+        self._laws = tuple(law_constants(law, viscosity=anatomy.viscosity, centre=centre) for law in laws)
         self.rest()
 
     @property
@@ -148,7 +161,7 @@ class AssemblyCore:
         """Name of the model with its numerics, as written into saved states."""
         if self.paper_compatible:
             return "assembly, as published"
-        return "assembly-coarse" if self.grid.between else "assembly"
+        return "assembly" + "-coarse" * self.grid.between + "-mixed" * self.grid.single
 
     @property
     def finer(self) -> tuple[int, ...]:
@@ -166,8 +179,8 @@ class AssemblyCore:
 
     def shape(self) -> tuple[Floats, Floats, Floats]:
         """Points, frames and stretch of the nerve cord now."""
-        points = np.stack([self.rods.straight(AssemblyRow.X1 + i, nodes=True)[0] for i in range(3)], axis=1)
-        frames = np.stack([self.rods.straight(AssemblyRow.Q11 + i)[0] for i in range(9)], axis=1).reshape(-1, 3, 3)
+        points = self.rods.points(self.rods.straight, nodes=True)[0]
+        frames = np.stack([self.rods.straight(AssemblyRow.Q11 + i)[0] for i in range(9)], axis=1).astype(float).reshape(-1, 3, 3)
         return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self.geometry.straight.length[0]
 
     def series(self) -> State:
@@ -176,20 +189,19 @@ class AssemblyCore:
         return {name: values[0] for name, values in series.items()}
 
     def _volumes(self, volumes: Floats) -> dict[str, Floats]:
-        rest = self.rods.slab(SlabRow.REST)
+        rest = slab_volumes(self.geometry)
         return {"volume": volumes.sum(axis=1) / rest.sum(), "slab_volume": volumes / rest}
 
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities and spins of the nerve cord now."""
         velocities = np.stack([self.rods.straight(AssemblyRow.V1 + i, nodes=True)[0] for i in range(3)], axis=1)
-        return velocities, np.stack([self.rods.straight(AssemblyRow.W1 + i)[0] for i in range(3)], axis=1)
+        spins = np.stack([self.rods.straight(AssemblyRow.W1 + i)[0] for i in range(3)], axis=1)
+        return velocities.astype(float), spins.astype(float)
 
     def nodes(self) -> tuple[Floats, Floats, Floats]:
         """Node positions of the families, m: straight (9, N + 1, 3), oblique (8, 2 N, 3), rings (N, ring nodes, 3)."""
-        rows = range(AssemblyRow.X1, AssemblyRow.X3 + 1)
-        straight = np.stack([self.rods.straight(row, nodes=True) for row in rows], axis=-1)
-        oblique = np.stack([self.rods.oblique(row, nodes=True) for row in rows], axis=-1)
-        return straight, oblique, np.stack([self.rods.ring(row) for row in rows], axis=-1)
+        rods = self.rods
+        return rods.points(rods.straight, nodes=True), rods.points(rods.oblique, nodes=True), rods.points(rods.ring)
 
     def strands(self) -> dict[str, tuple[Floats, Floats]]:
         """Nodes (rods, nodes, 3) and radii at rest (rods, nodes), m, by family, as many as a picture needs; a ring ends where it begins."""
@@ -213,7 +225,7 @@ class AssemblyCore:
     def pressure(self) -> Floats:
         """Pressure at the last step, Pa: of the slabs (N,); in the published numerics, in the cord and the longitudinal muscles (9, N)."""
         if not self.paper_compatible:
-            return self.rods.slab(SlabRow.PRESSURE).copy()
+            return self.rods.slab(SlabRow.PRESSURE).astype(float)
         total, *parts = (self.rods.straight_sum(row) for row in (SpokeRow.SUM, SpokeRow.G1, SpokeRow.G2, SpokeRow.G3))
         stretch = self.rods.straight(AssemblyRow.STRETCH)
         surface = tau * self.geometry.straight.radius * self.geometry.straight.length * np.sqrt(stretch)
@@ -260,12 +272,20 @@ class AssemblyCore:
         if self.paper_compatible:
             set_filter_masks(rods)
         done, finding, family, where = step(
-            rods.flat, self._h, clock.steps, longitudinal, oblique, transverse, self._laws, self._drag,
+            rods.flat, self._rounded(self._h), clock.steps, longitudinal, oblique, transverse, self._rounded(self._laws),
+            self._rounded(self._drag),
             rods.ring_index, rods.helix_index, points, frames, stretch, volumes, *self._carried(loads), watch,
         )  # fmt: skip
         rod, element = self.place(family, int(where)) if finding else ("", 0)
         series = self._volumes(volumes[:done])
         return Motion(points[:done], frames[:done], stretch[:done], series, Finding(finding), rod, element)
+
+    def _rounded(self, numbers: Any) -> Any:
+        """Numbers, in tuples of tuples, in the precision of the buffer."""
+        if not isinstance(numbers, tuple):
+            return self.rods.flat.dtype.type(numbers)
+        rounded = map(self._rounded, numbers)
+        return type(numbers)(*rounded) if hasattr(numbers, "_fields") else tuple(rounded)
 
     def _carried(self, loads: Floats | None) -> tuple[Floats, Floats, Floats]:
         """Loads, the shares of them that cord and muscles carry, by their areas, and a place for the forces on their nodes."""

@@ -35,23 +35,19 @@ def transfer_kernels(grid):
 
     Returns
     -------
-    fetch, fetch_radius, give, give_few : compiled functions
-        ``fetch(buffer, index, x1, x2, x3, target)`` copies vectors to three rows from `target` on, ``fetch_radius(buffer, index, radius,
-        target)`` one number each, ``give(buffer, index, source, f1, f2, f3)`` adds three rows to forces, and ``give_few`` does so where
-        most are zero.
+    bring, fetch_radius, give, give_some : compiled functions
+        ``bring(buffer, k, source, x1, x2, x3, target)`` copies a vector to place k of three rows from `target` on, ``fetch_radius(buffer,
+        index, radius, target)`` one number for all, ``give(buffer, index, source, f1, f2, f3)`` adds three rows to forces, and
+        ``give_some(buffer, push, ...)`` does so where the row `push` is not zero.
     """
     L, last, helices = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices
     row = np.uint64(stride_of(helices, grid.lanes))
 
     @kernel
-    def fetch(b, index, x1, x2, x3, target):
-        for j in range(helices):
-            for i in range(ONE, last):
-                k = np.uint64(j) * L + i
-                source = index[k]
-                b[target + k] = b[x1 + source]
-                b[target + row + k] = b[x2 + source]
-                b[target + row + row + k] = b[x3 + source]
+    def bring(b, k, source, x1, x2, x3, target):
+        b[target + k] = b[x1 + source]
+        b[target + row + k] = b[x2 + source]
+        b[target + row + row + k] = b[x3 + source]
 
     @kernel
     def fetch_radius(b, index, radius, target):
@@ -71,18 +67,17 @@ def transfer_kernels(grid):
                 b[f3 + target] += b[source + row + row + k]
 
     @kernel
-    def give_few(b, index, source, f1, f2, f3):
+    def give_some(b, push, index, source, f1, f2, f3):
         for j in range(helices):
             for i in range(ONE, last):
                 k = np.uint64(j) * L + i
-                g1, g2, g3 = b[source + k], b[source + row + k], b[source + row + row + k]
-                if g1 != 0.0 or g2 != 0.0 or g3 != 0.0:
+                if b[push + k] != 0.0:
                     target = index[k]
-                    b[f1 + target] += g1
-                    b[f2 + target] += g2
-                    b[f3 + target] += g3
+                    b[f1 + target] += b[source + k]
+                    b[f2 + target] += b[source + row + k]
+                    b[f3 + target] += b[source + row + row + k]
 
-    return fetch, fetch_radius, give, give_few
+    return bring, fetch_radius, give, give_some
 
 
 def crossing_kernels(grid: AssemblyGrid, published: bool = False):
@@ -102,14 +97,17 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
     ring_radius = tuple(c[f"{place}_RADIUS"] for place in RING_PLACES if place != "O")
     helix_rows = tuple(c[f"{place}1"] for place in HELIX_PLACES)
     helix_radius = tuple(c[f"{place}_RADIUS"] for place in HELIX_PLACES)
-    fetch, fetch_radius, give, give_few = transfer_kernels(grid)
+    bring, fetch_radius, give, give_some = transfer_kernels(grid)
 
     @kernel
     def gather(b, ring_index, helix_index):
-        for place in range(6):
-            fetch(b, ring_index[place], X1, X2, X3, ring_rows[place])
-        for place in range(3):
-            fetch(b, helix_index[place], HX1, HX2, HX3, helix_rows[place])
+        for j in range(helices):
+            for i in range(ONE, last):
+                k = np.uint64(j) * L + i
+                for place in range(6):
+                    bring(b, k, ring_index[place, k], X1, X2, X3, ring_rows[place])
+                for place in range(3):
+                    bring(b, k, helix_index[place, k], HX1, HX2, HX3, helix_rows[place])
         if published:
             for place in range(5):
                 fetch_radius(b, ring_index[place], RADIUS, ring_radius[place])
@@ -138,6 +136,7 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
     FN1, FN2, FN3 = force["N"]
     A_RADIUS, B_RADIUS, S_RADIUS, D_RADIUS, E_RADIUS, P_RADIUS, H_RADIUS, N_RADIUS = (c[f"{place}_RADIUS"] for place in "ABSDEPHN")
     SPRING, CONTACT, P_CONTACT, N_CONTACT, EFFECTIVE = (c[k] for k in ("SPRING", "CONTACT", "P_CONTACT", "N_CONTACT", "EFFECTIVE"))
+    P_PUSH, N_PUSH = c["P_PUSH"], c["N_PUSH"]
 
     @kernel(inline="always")
     def push(d1, d2, d3, reach, stiffness, effective):
@@ -177,7 +176,8 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
                 f1, f2, f3 = unit * d1, unit * d2, unit * d3
                 b[FD1 + k], b[FD2 + k], b[FD3 + k] = f1, f2, f3
                 d1, d2, d3 = b[E1 + k] - p1, b[E2 + k] - p2, b[E3 + k] - p3
-                unit = push(d1, d2, d3, b[E_RADIUS + k] + radius, stiffness, effective)
+                other = push(d1, d2, d3, b[E_RADIUS + k] + radius, stiffness, effective)
+                b[P_PUSH + k], unit = unit + other, other
                 d1, d2, d3 = unit * d1, unit * d2, unit * d3
                 b[FE1 + k], b[FE2 + k], b[FE3 + k] = d1, d2, d3
                 b[FP1 + k], b[FP2 + k], b[FP3 + k] = -f1 - d1, -f2 - d2, -f3 - d3
@@ -187,7 +187,8 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
                 f1, f2, f3 = unit * d1, unit * d2, unit * d3
                 b[FB1 + k], b[FB2 + k], b[FB3 + k] = f1, f2, f3
                 d1, d2, d3 = b[A1 + k] - p1, b[A2 + k] - p2, b[A3 + k] - p3
-                unit = push(d1, d2, d3, b[A_RADIUS + k] + radius, stiffness, effective)
+                other = push(d1, d2, d3, b[A_RADIUS + k] + radius, stiffness, effective)
+                b[N_PUSH + k], unit = unit + other, other
                 d1, d2, d3 = unit * d1, unit * d2, unit * d3
                 b[FA1 + k], b[FA2 + k], b[FA3 + k] = d1, d2, d3
                 b[FN1 + k], b[FN2 + k], b[FN3 + k] = -f1 - d1, -f2 - d2, -f3 - d3
@@ -198,14 +199,16 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
 
     @kernel
     def scatter(b, ring_index, helix_index):
-        # The helix nodes between two rings seldom reach the ring nodes furthest from the crossing, A and E.
-        give_few(b, ring_index[0], ring_forces[0], RF1, RF2, RF3)
-        for place in range(1, 4):
-            give(b, ring_index[place], ring_forces[place], RF1, RF2, RF3)
-        give_few(b, ring_index[4], ring_forces[4], RF1, RF2, RF3)
+        # The joint acts on S, O and H everywhere, contacts on the others where they overlap.
+        give_some(b, N_PUSH, ring_index[0], ring_forces[0], RF1, RF2, RF3)
+        give_some(b, N_PUSH, ring_index[1], ring_forces[1], RF1, RF2, RF3)
+        give(b, ring_index[2], ring_forces[2], RF1, RF2, RF3)
+        give_some(b, P_PUSH, ring_index[3], ring_forces[3], RF1, RF2, RF3)
+        give_some(b, P_PUSH, ring_index[4], ring_forces[4], RF1, RF2, RF3)
         if not published:
             give(b, ring_index[5], FO1, RF1, RF2, RF3)
-        for place in range(3):
-            give(b, helix_index[place], helix_forces[place], HF1, HF2, HF3)
+        give_some(b, P_PUSH, helix_index[0], helix_forces[0], HF1, HF2, HF3)
+        give(b, helix_index[1], helix_forces[1], HF1, HF2, HF3)
+        give_some(b, N_PUSH, helix_index[2], helix_forces[2], HF1, HF2, HF3)
 
     return gather, connect, scatter

@@ -166,8 +166,6 @@ class Connections:
 
 def connections_of(arm: Arm, geometry: AssemblyGeometry, rods: AssemblyBuffer) -> Connections:
     """Connections at the places that the buffer holds."""
-    rows = range(AssemblyRow.X1, AssemblyRow.X3 + 1)
-    straight, oblique = (np.stack([view(row, nodes=True) for row in rows], axis=-1) for view in (rods.straight, rods.oblique))
-    rings = np.stack([rods.ring(row) for row in rows], axis=-1)
+    straight, oblique, rings = rods.points(rods.straight, nodes=True), rods.points(rods.oblique, nodes=True), rods.points(rods.ring)
     frames = np.stack([rods.straight(AssemblyRow.Q11 + i) for i in range(9)], axis=-1).reshape(*straight[:, 1:].shape[:2], 3, 3)
     return Connections(arm, geometry, rods, straight, oblique, rings, frames)

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..physics.fibre_kernels import hill_secant, isometric_stress, passive_stress, passive_tangent
-from ..physics.rotation_kernels import joint_curvature, small_rotation, turned
+from ..physics.rotation_kernels import joint_curvature, orthonormal, small_rotation, turned
 from .layout import AssemblyRow, stride_of
 
 ONE = np.uint64(1)
@@ -32,8 +32,49 @@ NOTHING = 1e-30
 def family_offsets(grid, rings):
     """Unsigned offsets of the rows of the open rods or of the rings in the one buffer."""
     open_stride = stride_of(grid.open_slots, grid.lanes)
-    start, stride = (len(AssemblyRow) * open_stride, stride_of(grid.ring_slots, grid.lanes)) if rings else (0, open_stride)
+    start, stride = (rings_begin(grid), stride_of(grid.ring_slots, grid.lanes)) if rings else (0, open_stride)
     return {row.name: np.uint64(start + row * stride) for row in AssemblyRow}
+
+
+def rings_begin(grid):
+    """Where the rings' rows begin: so that their first node, which stands behind a slot, begins with a cache line in either precision."""
+    return len(AssemblyRow) * stride_of(grid.open_slots, grid.lanes) + grid.lanes % 16
+
+
+def position_kernels(grid, rings):
+    """Compile what needs positions to their last digit.
+
+    In single precision a position is a sum X + LOW of two numbers: a step would else be lost in the rounding of the whole.
+
+    Returns
+    -------
+    apart, advance : compiled functions
+        ``apart(buffer, q, k)`` gives the vector from node k to node q, ``advance(buffer, k, h)`` moves a node on with its velocity.
+    """
+    o, single = family_offsets(grid, rings), grid.single
+    X1, X2, X3, V1, V2, V3, LOW1, LOW2, LOW3 = (o[f"{name}{i}"] for name in ("X", "V", "LOW") for i in (1, 2, 3))
+
+    @kernel
+    def apart(b, q, k):
+        d1, d2, d3 = b[X1 + q] - b[X1 + k], b[X2 + q] - b[X2 + k], b[X3 + q] - b[X3 + k]
+        if single:
+            d1, d2, d3 = d1 + (b[LOW1 + q] - b[LOW1 + k]), d2 + (b[LOW2 + q] - b[LOW2 + k]), d3 + (b[LOW3 + q] - b[LOW3 + k])
+        return d1, d2, d3
+
+    @kernel
+    def advance(b, k, h):
+        if single:
+            x1, x2, x3 = b[X1 + k], b[X2 + k], b[X3 + k]
+            y1, y2, y3 = h * b[V1 + k] + b[LOW1 + k], h * b[V2 + k] + b[LOW2 + k], h * b[V3 + k] + b[LOW3 + k]
+            z1, z2, z3 = x1 + y1, x2 + y2, x3 + y3
+            b[X1 + k], b[X2 + k], b[X3 + k] = z1, z2, z3
+            b[LOW1 + k], b[LOW2 + k], b[LOW3 + k] = y1 - (z1 - x1), y2 - (z2 - x2), y3 - (z3 - x3)
+        else:
+            b[X1 + k] += h * b[V1 + k]
+            b[X2 + k] += h * b[V2 + k]
+            b[X3 + k] += h * b[V3 + k]
+
+    return apart, advance
 
 
 def family_kernels(grid, rings, graded=False, plain=False):
@@ -53,11 +94,13 @@ def family_kernels(grid, rings, graded=False, plain=False):
     Returns
     -------
     dict of str to compiled function
-        ``drift, strain, bend, kick, spin, axial, correct`` take ``(buffer, first, last, ...)``, indices within a row.
+        ``drift, straighten, strain, bend, kick, spin, axial, correct`` take ``(buffer, first, last, ...)``, indices within a row;
+        ``straighten`` makes frames orthonormal again, of which rounding in single precision takes 6e-4 in a second.
     """
     o = family_offsets(grid, rings)
     step = np.uint64(grid.lanes if rings else 1)
-    X1, X2, X3, V1, V2, V3 = (o[name] for name in ("X1", "X2", "X3", "V1", "V2", "V3"))
+    apart, advance = position_kernels(grid, rings)
+    V1, V2, V3 = (o[name] for name in ("V1", "V2", "V3"))
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     W1, W2, W3, T1, T2, T3, N1, N2, N3 = (o[f"{field}{i}"] for field in "WTN" for i in (1, 2, 3))
     F1, F2, F3, C1, C2, C3 = (o[f"{field}{i}"] for field in "FC" for i in (1, 2, 3))
@@ -76,9 +119,7 @@ def family_kernels(grid, rings, graded=False, plain=False):
     @kernel
     def drift(b, first, last, h):
         for k in range(first, last):
-            b[X1 + k] += h * b[V1 + k]
-            b[X2 + k] += h * b[V2 + k]
-            b[X3 + k] += h * b[V3 + k]
+            advance(b, k, h)
             u1, u2, u3 = h * b[W1 + k], h * b[W2 + k], h * b[W3 + k]
             r = small_rotation(u1, u2, u3)
             b[Q11 + k], b[Q21 + k], b[Q31 + k] = turned(r, b[Q11 + k], b[Q21 + k], b[Q31 + k])
@@ -86,10 +127,18 @@ def family_kernels(grid, rings, graded=False, plain=False):
             b[Q13 + k], b[Q23 + k], b[Q33 + k] = turned(r, b[Q13 + k], b[Q23 + k], b[Q33 + k])
 
     @kernel
+    def straighten(b, first, last):
+        for k in range(first, last):
+            frame = orthonormal(
+                b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k]
+            )  # fmt: skip
+            b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k] = frame
+
+    @kernel
     def strain(b, first, last, share, elastic, law):
         for k in range(first, last):
             q = k + step
-            d1, d2, d3 = b[X1 + q] - b[X1 + k], b[X2 + q] - b[X2 + k], b[X3 + q] - b[X3 + k]
+            d1, d2, d3 = apart(b, q, k)
             length = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
             inverse = 1.0 / length
             t1, t2, t3 = d1 * inverse, d2 * inverse, d3 * inverse
@@ -190,7 +239,16 @@ def family_kernels(grid, rings, graded=False, plain=False):
             b[V2 + k] += mobility * (here * b[T2 + k] - before * b[T2 + p])
             b[V3 + k] += mobility * (here * b[T3 + k] - before * b[T3 + p])
 
-    return {"drift": drift, "strain": strain, "bend": bend, "kick": kick, "spin": spin, "axial": axial, "correct": correct}
+    return {
+        "drift": drift,
+        "straighten": straighten,
+        "strain": strain,
+        "bend": bend,
+        "kick": kick,
+        "spin": spin,
+        "axial": axial,
+        "correct": correct,
+    }
 
 
 def open_solver(grid):
@@ -278,7 +336,8 @@ def ring_solver(grid):
         for i in range(width):
             b[IMPULSE + i] = b[IMPULSE + end + i]
 
-    first_rows = tuple(o[name] for name in ("X1", "X2", "X3", "V1", "V2", "V3"))
+    low = ("LOW1", "LOW2", "LOW3") if grid.single else ()
+    first_rows = tuple(o[name] for name in ("X1", "X2", "X3", "V1", "V2", "V3", *low))
     turn_rows = tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     after_rows = tuple(o[name] for name in ("T1", "T2", "T3", "MPLUS1", "MPLUS2", "MPLUS3"))
     speed_rows = tuple(o[name] for name in ("V1", "V2", "V3"))

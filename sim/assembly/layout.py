@@ -20,8 +20,6 @@ from enum import auto
 
 from ..physics.rows import Rows
 
-STATE_ROWS = 18
-
 
 class AssemblyRow(Rows):
     """Rows of the two rod buffers; directors, angular velocity, torques and moments are material, all else is in the lab frame."""
@@ -29,6 +27,7 @@ class AssemblyRow(Rows):
     X1, X2, X3, V1, V2, V3 = (auto() for _ in range(6))
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (auto() for _ in range(9))
     W1, W2, W3 = (auto() for _ in range(3))
+    LOW1, LOW2, LOW3 = (auto() for _ in range(3))  # in single precision, what is missing from X
     # Parameters: rest length, shear stiffness, rest radius, area; joint length, bend and twist stiffness, rest curvature; of a slab's
     # section, the share that moves with this rod; one over the lengths.
     LENGTH, SHEAR, REST_RADIUS, AREA, JOINT_LENGTH, BEND, TWIST, REST1, REST2, REST3, SECTION = (auto() for _ in range(11))
@@ -40,6 +39,10 @@ class AssemblyRow(Rows):
     MPLUS1, MPLUS2, MPLUS3, MMINUS1, MMINUS2, MMINUS3 = (auto() for _ in range(6))
     F1, F2, F3, C1, C2, C3 = (auto() for _ in range(6))
     VISCOSITY, SCALE, IMPULSE, CORRECTION = (auto() for _ in range(4))
+
+
+STATE_ROWS, SINGLE_STATE_ROWS = int(AssemblyRow.LOW1), int(AssemblyRow.LENGTH)
+"""Rows that hold the motion."""
 
 
 class SpokeRow(Rows):
@@ -82,20 +85,21 @@ class CrossingRow(Rows):
     # Forces on ring nodes and helix nodes.
     FA1, FA2, FA3, FB1, FB2, FB3, FS1, FS2, FS3, FD1, FD2, FD3, FE1, FE2, FE3, FO1, FO2, FO3 = (auto() for _ in range(18))
     FP1, FP2, FP3, FH1, FH2, FH3, FN1, FN2, FN3 = (auto() for _ in range(9))
+    P_PUSH, N_PUSH = (auto() for _ in range(2))  # of the helix nodes beside h over the distance: zero where they touch nothing
 
 
 class SlabRow(Rows):
     """Rows of the slabs' buffer: one slab per ring, between the ends of an element of the muscles."""
 
     # Parameters: rest volume, bulk modulus, compliance over one step; what smooths a ring (`octoctrl.sim.assembly.ring_mass_kernels`).
-    REST, BULK, COMPLIANCE, ROOT, UNROOT, GAIN, POWER, CLOSURE = (auto() for _ in range(8))
+    REST, BULK, COMPLIANCE, ROOT, GAIN, CLOSURE = (auto() for _ in range(6))
     # Vector area of the ring, mean edge of the muscles, volume and pressure; system of the projection; carries of the smoothing.
     A1, A2, A3, E1, E2, E3, VOLUME, PRESSURE = (auto() for _ in range(8))
-    WEIGHT, RATE, SCALE, COUPLING, IMPULSE, UP, DOWN, WRAP = (auto() for _ in range(8))
+    WEIGHT, RATE, SCALE, COUPLING, IMPULSE, UP, DOWN, SHARE = (auto() for _ in range(8))
     RING_RATE1, RING_RATE2, RING_RATE3, EDGE_RATE1, EDGE_RATE2, EDGE_RATE3 = (auto() for _ in range(6))
 
 
 def stride_of(slots: int, lanes: int) -> int:
-    """Row length: no multiple of 512 numbers, so that the rows do not fall on the same cache lines."""
-    stride = max(slots * lanes, 576) + 8
-    return stride + 8 if stride % 512 == 0 else stride
+    """Row length: whole cache lines in either precision, but no multiple of 512 numbers, so that the rows do not fall on the same lines."""
+    stride = -(-(max(slots * lanes, 576) + 8) // 16) * 16
+    return stride + 16 if stride % 512 == 0 else stride

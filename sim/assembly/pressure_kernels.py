@@ -26,7 +26,7 @@ import numpy as np
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from .crossing_kernels import crossing_offsets
-from .family_kernels import family_offsets
+from .family_kernels import family_offsets, position_kernels
 from .layout import CrossingRow, SlabRow, stride_of
 
 ONE = np.uint64(1)
@@ -66,7 +66,8 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
     WEIGHT, RATE, SCALE, COUPLING, IMPULSE, COMPLIANCE = (t[k] for k in "WEIGHT RATE SCALE COUPLING IMPULSE COMPLIANCE".split())
     B1, B2, B3, D1, D2, D3 = (t[f"{f}{i}"] for f in ("RING_RATE", "EDGE_RATE") for i in (1, 2, 3))
     RX1, RX2, RX3, RV1, RV2, RV3, RF1, RF2, RF3 = (g[f"{f}{i}"] for f in "XVF" for i in (1, 2, 3))
-    X1, X2, X3, V1, V2, V3, N1, N2, N3 = (o[f"{f}{i}"] for f in "XVN" for i in (1, 2, 3))
+    V1, V2, V3, N1, N2, N3 = (o[f"{f}{i}"] for f in "VN" for i in (1, 2, 3))
+    (apart, _), (ring_apart, _) = position_kernels(grid, False), position_kernels(grid, True)
     SECTION, MOBILITY, RING_MOBILITY, VISCOSITY = o["SECTION"], o["NODE_MOBILITY"], g["NODE_MOBILITY"], g["VISCOSITY"]
     hoop = (2 - 2 * cos(tau / nodes)) / nodes
 
@@ -80,11 +81,13 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
         for row in (A1, A2, A3, E1, E2, E3):
             for i in range(L):
                 b[row + i] = 0.0
-        for node in range(1, nodes + 1):
-            here, after = np.uint64(node) * L, beside(node)[1]
+        # Relative to the first node, where its two products are zero: far from the origin they would be large and cancel.
+        for node in range(2, nodes):
+            here = np.uint64(node) * L
             for i in range(L):
-                k, q = here + i, after + i
-                x1, x2, x3, y1, y2, y3 = b[RX1 + q], b[RX2 + q], b[RX3 + q], b[RX1 + k], b[RX2 + k], b[RX3 + k]
+                k, first = here + i, L + i
+                x1, x2, x3 = ring_apart(b, k + L, first)
+                y1, y2, y3 = ring_apart(b, k, first)
                 b[A1 + i] += 0.5 * (x2 * y3 - x3 * y2)
                 b[A2 + i] += 0.5 * (x3 * y1 - x1 * y3)
                 b[A3 + i] += 0.5 * (x1 * y2 - x2 * y1)
@@ -92,9 +95,10 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
             for i in range(ONE, last):
                 k = rod * L + i
                 share = b[SECTION + k]
-                b[E1 + i] += share * (b[X1 + k + ONE] - b[X1 + k])
-                b[E2 + i] += share * (b[X2 + k + ONE] - b[X2 + k])
-                b[E3 + i] += share * (b[X3 + k + ONE] - b[X3 + k])
+                d1, d2, d3 = apart(b, k + ONE, k)
+                b[E1 + i] += share * d1
+                b[E2 + i] += share * d2
+                b[E3 + i] += share * d3
         for i in range(ONE, last):
             volume = b[A1 + i] * b[E1 + i] + b[A2 + i] * b[E2 + i] + b[A3 + i] * b[E3 + i]
             b[VOLUME + i] = volume
@@ -135,16 +139,20 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
 
     @kernel
     def swell(b, h):
-        # (V(x + h v) - V(x)) / h = a.e' + a'.(e + h e'), with e' and a' what a step does to e and a, over h.
+        # (V(x + h v) - V(x)) / h = a.e' + a'.(e + h e'), with e' and a' what a step does to e and a, over h; relative to the first node.
         for row in (B1, B2, B3, D1, D2, D3):
             for i in range(L):
                 b[row + i] = 0.0
-        for node in range(1, nodes + 1):
-            here, after = np.uint64(node) * L, beside(node)[1]
+        for node in range(2, nodes):
+            here = np.uint64(node) * L
             for i in range(ONE, last):
-                k, q = here + i, after + i
-                v1, v2, v3, u1, u2, u3 = b[RV1 + k], b[RV2 + k], b[RV3 + k], b[RV1 + q], b[RV2 + q], b[RV3 + q]
-                y1, y2, y3, x1, x2, x3 = b[RX1 + k] + h * v1, b[RX2 + k] + h * v2, b[RX3 + k] + h * v3, b[RX1 + q], b[RX2 + q], b[RX3 + q]
+                k, q, first = here + i, here + L + i, L + i
+                w1, w2, w3 = b[RV1 + first], b[RV2 + first], b[RV3 + first]
+                u1, u2, u3 = b[RV1 + q] - w1, b[RV2 + q] - w2, b[RV3 + q] - w3
+                v1, v2, v3 = b[RV1 + k] - w1, b[RV2 + k] - w2, b[RV3 + k] - w3
+                x1, x2, x3 = ring_apart(b, q, first)
+                y1, y2, y3 = ring_apart(b, k, first)
+                y1, y2, y3 = y1 + h * v1, y2 + h * v2, y3 + h * v3
                 b[B1 + i] += 0.5 * (u2 * y3 - u3 * y2 + x2 * v3 - x3 * v2)
                 b[B2 + i] += 0.5 * (u3 * y1 - u1 * y3 + x3 * v1 - x1 * v3)
                 b[B3 + i] += 0.5 * (u1 * y2 - u2 * y1 + x1 * v2 - x2 * v1)

@@ -29,38 +29,38 @@ def ring_mass_kernels(grid: AssemblyGrid):
     g, t = family_offsets(grid, True), slab_offsets(grid)
     L, nodes = np.uint64(grid.lanes), np.uint64(grid.ring_nodes)
     rows, kept = (tuple(g[f"{f}{i}"] for i in (1, 2, 3)) for f in ("V", "MMINUS"))
-    ROOT, UNROOT, GAIN, POWER, CLOSURE = (t[k] for k in ("ROOT", "UNROOT", "GAIN", "POWER", "CLOSURE"))
-    UP, DOWN, WRAP = t["UP"], t["DOWN"], t["WRAP"]
+    ROOT, GAIN, CLOSURE, UP, DOWN, SHARE = (t[k] for k in ("ROOT", "GAIN", "CLOSURE", "UP", "DOWN", "SHARE"))
 
     @kernel
     def smooth(b):
         for row in range(3):
             v, old = rows[row], kept[row]
             for i in range(L):
-                b[UP + i], b[DOWN + i] = 0.0, 0.0
-            # Up: y_q = x_q + r y_q-1, from nothing; what came before the first node is r^q times the last of the whole circle.
+                b[UP + i], b[DOWN + i], b[SHARE + i] = 0.0, 0.0, 1.0
+            # What the recursion up ends with, if it begins with nothing: closed, it begins with what it ends with.
+            for node in range(ONE, nodes + ONE):
+                for i in range(L):
+                    k = node * L + i
+                    b[UP + i] = b[v + k] - b[old + k] + b[ROOT + i] * b[UP + i]
+            for i in range(L):
+                b[UP + i] *= b[CLOSURE + i]
+            # Up: y_q = x_q + r y_q-1; and what that down will end with.
             for node in range(ONE, nodes + ONE):
                 for i in range(L):
                     k = node * L + i
                     y = b[v + k] - b[old + k] + b[ROOT + i] * b[UP + i]
                     b[UP + i], b[v + k] = y, y
+                    b[DOWN + i] += b[SHARE + i] * y
+                    b[SHARE + i] *= b[ROOT + i]
             for i in range(L):
-                b[WRAP + i] = b[POWER + i] * b[CLOSURE + i] * b[UP + i]
-            # Down: z_q = y_q + r z_q+1 in the same way; WRAP runs from r^n to r.
+                b[DOWN + i] *= b[CLOSURE + i]
+            # Down: z_q = y_q + r z_q+1.
             node = nodes
             while node >= ONE:
                 for i in range(L):
                     k = node * L + i
-                    z = b[v + k] + b[WRAP + i] + b[ROOT + i] * b[DOWN + i]
-                    b[DOWN + i], b[v + k] = z, z
-                    b[WRAP + i] *= b[UNROOT + i]
+                    z = b[v + k] + b[ROOT + i] * b[DOWN + i]
+                    b[DOWN + i], b[v + k] = z, b[old + k] + b[GAIN + i] * z
                 node -= ONE
-            for i in range(L):
-                b[WRAP + i] = b[POWER + i] * b[CLOSURE + i] * b[DOWN + i]
-            for node in range(ONE, nodes + ONE):
-                for i in range(L):
-                    k = node * L + i
-                    b[v + k] = b[old + k] + b[GAIN + i] * (b[v + k] + b[WRAP + i])
-                    b[WRAP + i] *= b[UNROOT + i]
 
     return smooth

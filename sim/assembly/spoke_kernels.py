@@ -13,7 +13,7 @@ import numpy as np
 
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
-from .family_kernels import family_offsets
+from .family_kernels import family_offsets, rings_begin
 from .layout import AssemblyRow, SpokeRow, stride_of
 
 ONE = np.uint64(1)
@@ -21,7 +21,7 @@ ONE = np.uint64(1)
 
 def spoke_offsets(grid: AssemblyGrid) -> dict[str, np.uint64]:
     """Unsigned offsets of the spokes' rows in the one buffer."""
-    start = len(AssemblyRow) * (stride_of(grid.open_slots, grid.lanes) + stride_of(grid.ring_slots, grid.lanes))
+    start = rings_begin(grid) + len(AssemblyRow) * stride_of(grid.ring_slots, grid.lanes) + 16 - grid.lanes % 16
     stride = stride_of(grid.spoke_slots, grid.lanes)
     return {row.name: np.uint64(start + row * stride) for row in SpokeRow}
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
-from .family_kernels import family_kernels, family_offsets
+from .family_kernels import family_kernels, family_offsets, position_kernels
 from .outside_kernels import outside_kernels
 from .pressure_kernels import pressure_kernels, slab_offsets
 from .terms import Step, Terms
@@ -81,6 +81,9 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False) -> 
     STRETCH, LENGTH, RING_STRETCH, RING_X = o["STRETCH"], o["LENGTH"], g["STRETCH"], g["X1"]
     VOLUME = slab_offsets(grid)["VOLUME"]
     find, _ = outside_kernels(grid)
+    real, single = np.float32 if grid.single else np.float64, grid.single
+    apart, straighten, straighten_rings = position_kernels(grid, False)[0], *(family_kernels(grid, k)["straighten"] for k in (False, True))
+    LOW = tuple(o[f"LOW{i}"] for i in (1, 2, 3))
     force, move, (measure, _, _) = in_order(list(terms.values())), mover(grid), pressure_kernels(grid, False)
 
     @kernel
@@ -125,13 +128,13 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False) -> 
         for k in range(ONE, n + ONE + ONE):
             for c in range(3):
                 points[k - ONE, c] = b[X[c] + k]
+                if single:
+                    points[k - ONE, c] += b[LOW[c] + k]
         for k in range(ONE, n + ONE):
             for c in range(9):
                 frames[k - ONE, c // 3, c % 3] = b[Q[c] + k]
-            total = 0.0
-            for c in range(3):
-                total += (b[X[c] + k + ONE] - b[X[c] + k]) ** 2
-            stretch[k - ONE] = np.sqrt(total) / b[LENGTH + k]
+            d1, d2, d3 = apart(b, k + ONE, k)
+            stretch[k - ONE] = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3) / b[LENGTH + k]
         measure(b)
         for k in range(ONE, n + ONE):
             volumes[k - ONE] = b[VOLUME + k]
@@ -165,7 +168,7 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False) -> 
             for number in range(steps):
                 if loaded:
                     find(b, outside, shares, loads[sample], loads[sample + 1], (number + 0.5) / steps)
-                force(b, (number + 0.5) / steps, step)
+                force(b, real((number + 0.5) / steps), step)
                 move(b, h if number + 1 < steps else 0.5 * h)
                 if watch:
                     finding, family, where = guard(b)
@@ -174,6 +177,9 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False) -> 
             finding, family, where = guard(b)
             if finding != FINE:
                 return sample, finding, family, where
+            if single:
+                straighten(b, first, last)
+                straighten_rings(b, ring_first, ring_last)
             record(b, points[sample], frames[sample], stretch[sample], volumes[sample])
         return points.shape[0], FINE, 0, ONE
 

@@ -130,7 +130,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) ->
         "pressure": pressure,
         **_loads(grid, loaded),
         "ring spin": _ring_spin(grid, rings),
-        "kick": _kick(grid, rods, rings),
+        "kick": _kick(grid, rods, rings, family_kernels(grid, False, plain=True)["spin"]),
         "brakes": brakes,
         "axial": _axial(grid, rods, rings),
         "smooth": smooth,
@@ -282,14 +282,16 @@ def _ring_spin(grid: AssemblyGrid, rings: Any) -> Any:
     return ring_spin
 
 
-def _kick(grid: AssemblyGrid, rods: Any, rings: Any) -> Any:
+def _kick(grid: AssemblyGrid, rods: Any, rings: Any, spin_helices: Any = None) -> Any:
     kick_rods, spin, kick_rings = rods["kick"], rods["spin"], rings["kick"]
     first, last, ring_first, ring_last = _bounds(grid)
+    helices, spin_rest = np.uint64(grid.straight_rods * grid.lanes), spin if spin_helices is None else spin_helices
 
     @kernel
     def kick(b: Any, share: Any, step: Any) -> None:
         kick_rods(b, first, last)
-        spin(b, first, last)
+        spin(b, first, helices)
+        spin_rest(b, helices, last)
         kick_rings(b, ring_first, ring_last)
 
     return kick

@@ -28,6 +28,8 @@ class AssemblyGrid:
         Touching rings of the arm that one ring here stands for: 1, or less in a finer build.
     between : bool
         Whether helices cross the rings between their nodes, which are then too few to meet.
+    single : bool
+        Whether numbers are of single precision, and positions sums of two of them.
 
     Raises
     ------
@@ -42,6 +44,7 @@ class AssemblyGrid:
     helix_nodes: int = 2
     bundle: float = 1.0
     between: bool = False
+    single: bool = False
 
     def __post_init__(self) -> None:
         for name, step in (("rings", 1), ("spokes", 4), ("helices", 2), ("helix_nodes", 2), ("ring_nodes", self.spokes)):

@@ -31,7 +31,7 @@ def entries(
     u1: float, u2: float, u3: float, sine: float, cosine: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Nine entries, row by row, of 1 - sine [u] + cosine (u u^T - u.u)."""
-    r11, r22, r33 = 1 - cosine * (u2 * u2 + u3 * u3), 1 - cosine * (u1 * u1 + u3 * u3), 1 - cosine * (u1 * u1 + u2 * u2)
+    r11, r22, r33 = 1.0 - cosine * (u2 * u2 + u3 * u3), 1.0 - cosine * (u1 * u1 + u3 * u3), 1.0 - cosine * (u1 * u1 + u2 * u2)
     c12, c13, c23 = cosine * u1 * u2, cosine * u1 * u3, cosine * u2 * u3
     s1, s2, s3 = sine * u1, sine * u2, sine * u3
     return r11, c12 + s3, c13 - s2, c12 - s3, r22, c23 + s1, c13 + s2, c23 - s1, r33
@@ -50,7 +50,7 @@ def rotation(u1: float, u2: float, u3: float) -> tuple[float, float, float, floa
 def small_rotation(u1: float, u2: float, u3: float) -> tuple[float, float, float, float, float, float, float, float, float]:
     """The same with fewer terms, to 1e-10 up to a tenth of a radian, for steps that are short against all turning."""
     square = u1 * u1 + u2 * u2 + u3 * u3
-    sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040)))
+    sine = 1.0 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040)))
     cosine = 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320)))
     return entries(u1, u2, u3, sine, cosine)
 
@@ -71,7 +71,7 @@ def orthonormal(
     than 1e-8 rad in a step, a frame loses what falls below the last digit of its numbers, always on the same side: after some 1e5 steps
     that is seen, and no more accurate series could help.
     """
-    aa, cc, dd = a1 * a1 + a2 * a2 + a3 * a3 - 1, c1 * c1 + c2 * c2 + c3 * c3 - 1, d1 * d1 + d2 * d2 + d3 * d3 - 1
+    aa, cc, dd = a1 * a1 + a2 * a2 + a3 * a3 - 1.0, c1 * c1 + c2 * c2 + c3 * c3 - 1.0, d1 * d1 + d2 * d2 + d3 * d3 - 1.0
     ac, ad, cd = a1 * c1 + a2 * c2 + a3 * c3, a1 * d1 + a2 * d2 + a3 * d3, c1 * d1 + c2 * d2 + c3 * d3
     return (
         a1 - 0.5 * (aa * a1 + ac * c1 + ad * d1),
@@ -110,7 +110,7 @@ def joint_curvature(
 ) -> tuple[float, float, float]:
     """Rotation vector from a frame to the next, log(C A^T), times the `inverse` of their distance."""
     trace = c11 * a11 + c12 * a12 + c13 * a13 + c21 * a21 + c22 * a22 + c23 * a23 + c31 * a31 + c32 * a32 + c33 * a33
-    factor = 0.5 * angle_over_sine(0.25 * (3 - trace)) * inverse
+    factor = 0.5 * angle_over_sine(0.25 * (3.0 - trace)) * inverse
     return (
         factor * (c21 * a31 + c22 * a32 + c23 * a33 - c31 * a21 - c32 * a22 - c33 * a23),
         factor * (c31 * a11 + c32 * a12 + c33 * a13 - c11 * a31 - c12 * a32 - c13 * a33),
