@@ -20,10 +20,10 @@ PIECE = 0.02
 
 CASES = (("R-OM at 0.3", ("R-OM",), 0.3, 0.2),)
 MORE = (
-    ("R-OM at 0.3", ("R-OM",), 0.3, 1.0),
-    ("TM at 0.3", ("TM",), 0.3, 0.3),
-    ("all LM at 0.3", LONGITUDINAL_GROUPS, 0.3, 0.5),
-    ("everything at 1", MUSCLE_GROUPS, 1.0, 0.3),
+    ("R-OM at 0.3", ("R-OM",), 0.3, 0.4),
+    ("TM at 0.3", ("TM",), 0.3, 0.2),
+    ("all LM at 0.3", LONGITUDINAL_GROUPS, 0.3, 0.2),
+    ("everything at 1", MUSCLE_GROUPS, 1.0, 0.2),
 )
 """Name, groups, level and duration (s)."""
 
