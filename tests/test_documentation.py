@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
+from octoctrl import tasks
 from octoctrl.cli.application import app, main
+from octoctrl.cli.planning import origin_of
 from octoctrl.files.store import save
 from octoctrl.sim.errors import OctoctrlError
 
@@ -71,19 +73,24 @@ def test_commands_and_python_are_found():
     assert sum(len(python(page)) for page in PAGES) > 20
 
 
+def shown_toml(page):
+    """The first file of TOML on a page, by the name of the first such file that its commands take."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return [(re.search(r"(\w+\.toml)", text)[1], re.search(r"^```toml\n(.*?)^```", text, re.MULTILINE | re.DOTALL)[1])]
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory, coil_plan, coil_run):
     """A folder with the files that the pages speak of."""
     from test_fibres import arm
     from test_measured import helix, written
 
-    from octoctrl import tasks
     from octoctrl.files.toml_writing import toml_of
 
     folder = tmp_path_factory.mktemp("files")
     for name in ("run.npz", "a.npz", "b.npz"):
         save(folder / name, coil_run)
-    save(folder / "plan.npz", coil_plan)
+    save(folder / "plan.npz", coil_plan, origin=origin_of(tasks.load("coil")))
     with contextlib.suppress(OctoctrlError):  # without the extra there is no such file
         save(folder / "run.nc", coil_run)
     with contextlib.suppress(ImportError):
@@ -92,6 +99,8 @@ def files(tmp_path_factory, coil_plan, coil_run):
 
         lines = [(1e3 * line).astype(np.float32) for line in arm(curved=False)[0]]
         write(Tractogram(lines, affine_to_rasmm=np.eye(4)), str(folder / "arm.trk"))
+    for name, said in shown_toml("sweeps.md"):
+        (folder / name).write_text(said)
     (folder / "my.toml").write_text(toml_of(tasks.load("twist")))
     written(folder / "arm.csv", np.stack([helix(12, turns=0.5 + 0.05 * k) for k in range(9)]))
     return folder
@@ -139,7 +148,7 @@ def test_commands_that_are_shown_run(page, desk, capsys):
 @pytest.mark.parametrize("page", [page for page in PAGES if any(map(long, shown(page)))], ids=lambda page: page.name)
 def test_commands_that_take_long_run(page, desk, capsys):
     for words in shown(page):
-        if long(words) and not {"--view", "--resume"} & set(words) and "$SLURM_ARRAY_TASK_ID/30" not in words:
+        if long(words) and not {"--view", "--resume"} & set(words) and not {"$SLURM_ARRAY_TASK_ID/30", "--gather"} & set(words):
             for name in targets(words):
                 Path(name).unlink(missing_ok=True)
             runs([*words, "-f"] if words[0] in ("plan", "run") else words, capsys)
@@ -148,7 +157,12 @@ def test_commands_that_take_long_run(page, desk, capsys):
 def run_python(page):
     if page.name == "README.md":  # which writes it
         Path("run.npz").unlink()
-    space = {"__name__": "page"}
+    import octoctrl as oc
+
+    plan = oc.load("plan.npz")
+    # What a reader of one page has from another; ``py`` instead of ``python`` marks sketches with names of the reader's own.
+    given = {"oc": oc, "np": np, "plan": plan, "arm": plan.arm, "scene": plan.scene, "model": plan.model}
+    space = {"__name__": "page", **given, "activation": plan.schedule.activation()}
     for block in python(page):
         exec(compile(block, page.name, "exec"), space)
 
@@ -174,6 +188,12 @@ def test_every_page_is_in_the_site():
 
     assert sorted(pages(settings["nav"])) == sorted(page.name for page in (ROOT / "docs").glob("*.md"))
     assert settings["theme"]["font"] is False, "no page asks a network for letters"
+
+
+def test_the_gallery_has_a_picture_and_a_film_of_every_task():
+    said = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    for name in tasks.names():
+        assert re.search(rf"^\| `octoctrl demo {name}`.*\.png\) \| !\[[^|]*{name}\.gif\) \|$", said, re.MULTILINE), name
 
 
 def test_the_reference_names_what_is_there():

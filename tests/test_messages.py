@@ -15,6 +15,7 @@ from octoctrl.cli.application import main
 from octoctrl.files import store
 from octoctrl.planners.asking.registry import primitive
 from octoctrl.planners.asking.shares import Share
+from octoctrl.sim.body.fibres import winding_of
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import make_plant
 
@@ -90,6 +91,14 @@ OBJECTS = [
     (lambda: oc.Activation(composition="sum"), "unknown composition 'sum' (override, handover, max, add)"),
     (lambda: tasks.load("coli"), "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, tip, twist, or the path of a .toml file)"),
     (lambda: tasks.programme("fig2f"), "unknown programme 'fig2f'; did you mean 'fig4f'? (fig2c, fig2e, fig3a, fig3b, fig3c, fig4a, fig4e, fig4f, fig4g, fig4i, si10b, si11a, si9)"),
+    (lambda: oc.report([]), "a report needs at least one run; the list is empty"),
+    (lambda: oc.Centreline(time=np.zeros(1), points=np.arange(9.0).reshape(1, 3, 3)), "points has shape (1, 3, 3); (T, n, 3) with at least 4 points along the arm is needed"),
+    (lambda: oc.Centreline(time=np.zeros(2), points=np.arange(24.0).reshape(2, 4, 3)), "time has shape (2,) for 2 instants, or does not increase; one later value per instant is needed"),
+    (lambda: oc.Centreline(time=np.zeros(1), points=np.arange(12.0).reshape(1, 4, 3), markers=np.zeros((1, 3, 3))), "markers has shape (1, 3, 3), points (1, 4, 3); one marker beside each point is needed"),
+    (lambda: winding_of([]), "there are no fibres; give at least one"),
+    (lambda: winding_of([np.zeros((2, 3))]), "fibre 0 has shape (2, 3) or a number that is not finite; (k, 3) with 3 points or more is needed"),
+    (lambda: oc.read_centreline("arm.csv", unit="mn"), "unknown unit 'mn'; did you mean 'm'? (m, cm, mm, um, µm)"),
+    (lambda: oc.read_fibres("arm.csv"), "unknown format '.csv'; fibres are read from .trk or .tck"),
 ]  # fmt: skip
 
 
@@ -171,6 +180,11 @@ COMMANDS = [
     (["compare", "cut.npz"], "planned trace covers 0–3.0 s, simulated 0–1.2 s (run stopped early: unstable); comparing 0–1.2 s needs overlap=True"),  # noqa: RUF001
     (["compare", "coil.npz", "--plot", "a.bmp"], "coil.npz holds a plan, not a run; make one with: octoctrl run"),
     (["compare", "cut.npz", "--overlap", "--plot", "a.bmp"], "unknown format '.bmp'; use .png or .pdf or .svg"),
+    (["report", "coil.npz", "-o", "a.html"], "coil.npz holds a plan, not a run; make one with: octoctrl run"),
+    (["export", "there.npz", "a.obj"], "unknown format '.obj'; use .csv or .glb or .gif or .webp or .mp4"),
+    (["topology", "none.csv"], "none.csv cannot be read: No such file or directory"),
+    (["topology", "there.npz"], "there.npz has no column time, point, x, y, z (found: not ours); time, point, x, y, z are needed"),
+    (["topology", "none.csv", "--plot", "a.bmp"], "unknown format '.bmp'; use .png or .pdf or .svg"),
     (["tasks", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, tip, twist, or the path of a .toml file)"),
     (["demo", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, tip, twist, or the path of a .toml file)"),
 ]  # fmt: skip
