@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.assembly.account import CONNECTIONS, energies
 from octoctrl.sim.assembly.constants import fibre_laws, oblique_mass, ring_smoothing, straight_mass
 from octoctrl.sim.assembly.core import TONE_RAMP
-from octoctrl.sim.assembly.energies import connections_of
 from octoctrl.sim.assembly.family_kernels import cord_brake, ring_spin_brake
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow as S
@@ -31,8 +31,7 @@ PROGRAMMES = {
     "elongate": (Plateau(groups=("TM",), level=0.3),),
     "rest": (),
 }
-CONNECTIONS = ("sides", "ring connections", "contacts", "crossings", "pressure")
-POTENTIAL = ("passive stretch", "shear", "bending and twist", "selective mass", *CONNECTIONS)
+POTENTIAL = ("passive stretch", "shear", "bending and twist", "selective mass", *(name.replace("_", " ") for name in CONNECTIONS))
 
 
 def vectors(view, row, **nodes):
@@ -101,7 +100,6 @@ class Ledger:
         )
         self.smoothing = ring_smoothing(arm, geometry, plant.h)[:, None, None]
         self.work, self.hill_work, self.swelling_last, self.old_spin = {}, 0.0, None, {}
-        self.tables = {}
 
     def add(self, name, value):
         """Book `value` (J) of work under `name`."""
@@ -288,36 +286,11 @@ class Ledger:
 
     def potentials(self):
         """Energies of what has a potential, J."""
-        stretch = shear = bend = 0.0
-        for f in self.families:
-            view, rest, e = f.view, f.rods.length, f.view(R.STRETCH)
-            stretch += np.sum(f.rods.area * rest * f.of_law(self.passive_energy, e))
-            frames = np.stack([view(R.Q11 + i) for i in range(9)], axis=-1).reshape(*e.shape, 3, 3)
-            along = np.einsum("rnij,rnj->rni", frames, vectors(view, R.T1)) * e[..., None]
-            shear += 0.5 * np.sum(view(R.SHEAR) * rest * (along[..., 0] ** 2 + along[..., 1] ** 2))
-            moment = (vectors(view, R.MPLUS1) + vectors(view, R.MMINUS1)) / 2
-            length = e * view(R.LENGTH)
-            before = np.roll(length, 1, axis=1)
-            joint = view(R.JOINT_LENGTH)
-            swell = (length + before) / 2 / joint
-            stiff = np.stack([view(R.BEND), view(R.BEND), view(R.TWIST)], axis=-1)
-            inside = slice(None) if f.closed else slice(1, None)
-            bend += 0.5 * np.sum((joint * swell**6)[:, inside, None] * moment[:, inside] ** 2 / stiff[:, inside])
+        stored = energies(self.plant.core, self.plant.h)
         velocity = vectors(self.families[2].view, R.V1)
         apart = np.roll(velocity, -1, axis=1) - velocity
-        mass = 0.5 * dot(self.smoothing * self.families[2].mass[..., None], apart**2)
-        connections = connections_of(self.plant.arm, self.plant.core.geometry, self.plant.core.rods)
-        of_each = [float(getattr(connections, name.replace(" ", "_"))()) for name in CONNECTIONS]
-        return dict(zip(POTENTIAL, (stretch, shear, bend, mass, *of_each), strict=True))
-
-    def passive_energy(self, law, stretch):
-        """Integral of the passive stress over e from rest, Pa: the force is A sigma / e."""
-        if id(law) not in self.tables:
-            grid = np.linspace(0.2, 3.0, 56001)
-            slope = law.passive_stress(grid) / grid
-            total = np.concatenate([[0.0], np.cumsum((slope[1:] + slope[:-1]) / 2) * (grid[1] - grid[0])])
-            self.tables[id(law)] = grid, total - np.interp(1.0, grid, total)
-        return np.interp(stretch, *self.tables[id(law)])
+        found = {name: stored[name.replace(" and ", "_").replace(" ", "_")] for name in POTENTIAL if name != "selective mass"}
+        return found | {"selective mass": 0.5 * dot(self.smoothing * self.families[2].mass[..., None], apart**2)}
 
 
 def run(name, duration=0.3, dt="auto"):

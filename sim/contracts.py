@@ -175,6 +175,23 @@ class Resumable(Protocol):
         ...
 
 
+class AccountableCore(Core, Protocol):
+    """A core that can tell its energies, see `octoctrl.sim.running.account.Accounted`."""
+
+    @property
+    def works(self) -> tuple[str, ...]:
+        """What does work and stores none, such as ``"muscles"`` and ``"water"``."""
+        ...
+
+    def energies(self) -> dict[str, float]:
+        """Energy of the present state by part, J; ``"kinetic"`` is one of them."""
+        ...
+
+    def powers(self, levels: State, time: float) -> dict[str, float]:
+        """Power of each of `works`, W, positive if it moves the arm, at `levels` (groups, cells) by partition."""
+        ...
+
+
 class PlantLike(Protocol):
     """What a run, a batch or an environment asks of a plant."""
 

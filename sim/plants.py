@@ -7,7 +7,7 @@ the library, in task files and on the command line; see docs/plants.md.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, cast
 
 from .body.arm import Arm
 from .contracts import Core
@@ -195,6 +195,9 @@ class Plant(running.Plant):
         Record every so many samples.
     gains : mapping of str to float, optional
         Factors in [0, 1] on the levels of muscle groups, 0 for a dead one.
+    energy : bool
+        Whether recordings keep account of the energy, in ``series``: ``energy_...`` of the parts, ``work_muscles`` and ``work_water`` done
+        since the begin, J. No bit of the motion differs, but it takes longer; not asked for it costs nothing.
     **options
         Of the core: ``rings``, ``ring_nodes``, ``resting_tone``, ``precision`` and ``paper_compatible`` of the full arm, see
         `octoctrl.sim.assembly.core.AssemblyCore`.
@@ -215,10 +218,15 @@ class Plant(running.Plant):
         sample_interval: float = SAMPLE,
         record_every: int = RECORD,
         gains: Mapping[str, float] | None = None,
+        energy: bool = False,
         **options: Any,
     ) -> None:
         make = check_plant(model).core
         core = make(Arm.octopus() if arm is None else arm, Scene() if scene is None else scene, **options)
+        if energy:
+            from .running.account import Accounted
+
+            core = cast(Core, Accounted(core))
         clock = Clock.choose(core.limit, core.usual, dt=dt, sample_interval=sample_interval, record_every=record_every)
         super().__init__(core, clock, gains=gains, automatic=dt == "auto")
 

@@ -130,7 +130,7 @@ def test_bad_arms_are_refused_in_one_sentence(changes, message):
         Arm.octopus(**changes)
 
 
-@pytest.mark.parametrize("changes", [{"hoop_ratio": 0.6}, {"oblique_passive": 0.0}, {"torsion": -1.0}])
+@pytest.mark.parametrize("changes", [{"hoop_ratio": 0.6}, {"oblique_passive": 0.0}, {"torsion": -1.0}, {"oblique_stress": 0.0}])
 def test_bad_lumped_sections_are_refused(changes):
     with pytest.raises(OctoctrlError, match=next(iter(changes))):
         LumpedSection(**changes)
@@ -143,6 +143,15 @@ def test_numbers_of_numpy_and_whole_numbers_are_numbers():
     assert numpy == plain and type(numpy.elements) is int
     assert numpy.fingerprint == plain.fingerprint == Arm(length=1, base_radius=0.05, taper=10).fingerprint
     assert Arm().fingerprint == "bd18"
+    assert (
+        len(
+            {
+                Arm.octopus(lumped=lumped).fingerprint
+                for lumped in (LumpedSection(), LumpedSection(oblique_stress=0.5), LumpedSection.hydrostat())
+            }
+        )
+        == 3
+    )
     assert len(numpy.edges) == 49
     for wrong in (np.float64(48.0), "48", None, True):
         with pytest.raises(OctoctrlError, match="elements: expected a whole number, found "):

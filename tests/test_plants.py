@@ -22,9 +22,10 @@ from octoctrl.planners.fitting import experiments, fit, identified
 from octoctrl.planners.model.parameters import ReducedParameters
 from octoctrl.planners.model.statics import CONSTANTS, section_constants
 from octoctrl.sim.assembly.layout import AssemblyRow
-from octoctrl.sim.body.arm import MUSCLE_GROUPS
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, LumpedSection
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import PLANTS, Plant
+from octoctrl.sim.topology.measures import measure
 
 ARM = oc.Arm.octopus()
 
@@ -148,6 +149,21 @@ def test_first_guess_takes_back_what_one_rod_lumps():
     assert guess.torsion * ARM.lumped.torsion == guess.oblique_passive * ARM.lumped.oblique_passive == pytest.approx(1.0)
     assert identified.first_guess(ARM) == ReducedParameters()
     assert "torsion" not in fit.free_factors("known", "assembly")
+
+
+@pytest.mark.parametrize("groups", [LONGITUDINAL_GROUPS, ("R-OM",)])
+def test_rod_lumped_as_a_hydrostat_is_twice_as_near_to_the_full_arm(groups):
+    """In length and twist, against the full arm with coarse rings."""
+    activation = oc.Activation(templates=(oc.Plateau(groups=groups, level=0.3, rise=0.3),))
+    arms = ARM, oc.Arm.octopus(lumped=LumpedSection.hydrostat())
+    runs = [
+        oc.make_plant("assembly-coarse").advance(activation, 0.4),
+        *(oc.make_plant("rod", arm).advance(activation, 0.4) for arm in arms),
+    ]
+    lengths, twists = [run.length for run in runs], [measure(run.time, run.points, run.frames).twist for run in runs]
+    for values, scale in ((lengths, 1e-3), (twists, 0.02)):
+        published, hydrostat = (np.sqrt(np.mean(np.square(mine - values[0]))) for mine in values[1:])
+        assert hydrostat < max(0.5 * published, scale)
 
 
 # Identification when a run ends early

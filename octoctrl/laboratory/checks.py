@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from octoctrl.judging.verification import Limits
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
-from octoctrl.sim.body.muscles import MuscleLaw
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.topology.measures import measure
 
@@ -107,7 +106,7 @@ def settled(recording: Recording) -> str | None:
 
 
 def passive_energy(plant: Any) -> float:
-    """Kinetic, elastic and passive muscle energy of a rod plant now, J; the passive stress is integrated along each fibre's stretch.
+    """Kinetic, elastic and passive muscle energy of a rod plant now, J, see `octoctrl.sim.rod.account`.
 
     Parameters
     ----------
@@ -117,29 +116,4 @@ def passive_energy(plant: Any) -> float:
     -------
     float
     """
-    arm, total = plant.arm, sum(plant.core.energy().values())
-    section = arm.section((arm.edges[1:] + arm.edges[:-1]) / 2)
-    length, stretch = np.diff(arm.edges), plant.observe().stretch
-    joints = plant.core.curvature().T
-    bend1, bend2, twist = (joints + np.concatenate([joints[:, 1:], joints[:, -1:]], axis=1)) / 2
-    radius = stretch**-arm.lumped.hoop_ratio
-    cord, longitudinal, ring, oblique = section.areas
-    azimuths = np.arange(8) * np.pi / 4
-    rho = section.muscle_offset * radius
-    fibres = [(arm.longitudinal, cord, stretch), (arm.transverse, ring, radius)]
-    for sine, cosine in zip(np.sin(azimuths), np.cos(azimuths), strict=True):
-        along = stretch + bend1 * rho * cosine - bend2 * rho * sine
-        fibres.append((arm.longitudinal, longitudinal, np.hypot(along, rho * twist)))
-    for hand in (1, -1):
-        around = section.oblique_offset * radius * (hand * 2 * np.pi / arm.oblique_pitch + twist)
-        rest = section.oblique_stretch
-        fibres.append((arm.oblique, oblique * rest * arm.lumped.oblique_passive, np.hypot(stretch, around) / rest))
-    return total + sum(float(np.sum(area * length * _density(law, s))) for law, area, s in fibres)
-
-
-def _density(law: MuscleLaw, stretch: Floats) -> Floats:
-    """Passive energy per rest volume at `stretch`, J/m^3: a fibre's tension is A sigma(s) / s, see `octoctrl.sim.rod.section_kernels`."""
-    grid = np.linspace(0.2, 3.0, 5601)
-    stress = law.passive_stress(grid) / grid
-    integral = np.concatenate([[0.0], np.cumsum((stress[1:] + stress[:-1]) / 2 * np.diff(grid))])
-    return np.interp(stretch, grid, integral - np.interp(1.0, grid, integral))
+    return sum(plant.core.energies().values())

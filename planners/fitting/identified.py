@@ -189,8 +189,9 @@ def first_guess(arm: Arm, plant: str = "rod") -> ReducedParameters:
         return ReducedParameters()
     lumped = arm.lumped
     return ReducedParameters(
-        oblique_passive=1 / lumped.oblique_passive, torsion=1 / lumped.torsion, ring_torsion=0.1, oblique_bending=1.0, tone=RESTING_TONE
-    )
+        longitudinal_stress=1 / lumped.longitudinal_stress, oblique_stress=1 / lumped.oblique_stress,
+        oblique_passive=1 / lumped.oblique_passive, torsion=1 / lumped.torsion, ring_torsion=0.1, oblique_bending=1.0, tone=RESTING_TONE,
+    )  # fmt: skip
 
 
 def load_identified(arm: Arm, scene: Scene | None = None, laws: str = "known", plant: str = "rod") -> IdentifiedModel:

@@ -231,21 +231,23 @@ def section_forces(arm: Arm, laws: str, q: ca.SX, u: ca.SX, constants: ca.SX, fa
         tangent += (stiffness - pull / length) * gradient @ gradient.T + pull / length * (dx @ dx.T + db @ db.T + mixed + mixed.T)
         gradients.append(gradient)
 
+    straight_stress = arm.lumped.longitudinal_stress * names["longitudinal_stress"]
+    oblique_stress = arm.lumped.oblique_stress * names["oblique_stress"]
     for index, group in enumerate(LONGITUDINAL_GROUPS):
         place = (value["muscle_offset"], azimuth(group), 1.0)
-        off_axis("longitudinal", value["muscle_area"], u[index] + names["tone"], names["longitudinal_stress"], 1.0, place, 0.0, 1.0)
+        off_axis("longitudinal", value["muscle_area"], u[index] + names["tone"], straight_stress, 1.0, place, 0.0, 1.0)
     embedded = arm.lumped.oblique_passive * names["oblique_passive"]
     for hand, group in ((1.0, "R-OM"), (-1.0, "L-OM")):
         turn, rest, level = hand * pitch_rate, value["oblique_stretch"], u[MUSCLE_GROUPS.index(group)]
         for angle in PASSED:
             around, area = (value["oblique_offset"], angle, names["oblique_bending"]), value["oblique_area"] / len(PASSED)
-            off_axis("oblique", area, level, names["oblique_stress"], embedded, around, turn, rest)
+            off_axis("oblique", area, level, oblique_stress, embedded, around, turn, rest)
     level = u[MUSCLE_GROUPS.index("TM")] + names["tone"]
     pull, stiffness = tension("transverse", value["ring_area"], level, names["transverse_stress"], 1.0, lam, 1.0)
     gradients.append(ca.vertcat(0, 0, 0, lam1))
     force[3] += pull * lam1
     tangent[3, 3] += stiffness * lam1**2 + pull * lam2
-    pull, stiffness = tension("longitudinal", value["cord_area"], names["tone"], names["longitudinal_stress"], 1.0, e, 1.0)
+    pull, stiffness = tension("longitudinal", value["cord_area"], names["tone"], straight_stress, 1.0, e, 1.0)
     for kept in (viscosity, rests, fibres):  # the tone of the nerve cord is too small for any viscosity
         kept.pop()
     force[3] += pull

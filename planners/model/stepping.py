@@ -69,7 +69,7 @@ def law_row(law: MuscleLaw, laws: str, kind: str, stress: float, parameters: Red
 @lru_cache(maxsize=32)
 def step_model(structure: Structure, parameters: ReducedParameters) -> StepModel:
     """The constants of a model's step."""
-    arm, sections = structure.arm, structure.sections
+    arm, sections, lumped = structure.arm, structure.sections, structure.arm.lumped
     places = np.ascontiguousarray(section_constants(arm, sections).T)
     places[:, AT.bending] *= parameters.bending
     places[:, AT.twisting] *= parameters.torsion
@@ -78,17 +78,19 @@ def step_model(structure: Structure, parameters: ReducedParameters) -> StepModel
     # Without a share in the bend all places are one.
     share, passed = parameters.oblique_bending, np.array(PASSED if parameters.oblique_bending else PASSED[:1])
     fibres = Fibres(
-        longitudinal=law_row(arm.longitudinal, structure.laws, "longitudinal", parameters.longitudinal_stress, parameters),
-        oblique=law_row(arm.oblique, structure.laws, "longitudinal", parameters.oblique_stress, parameters),
+        longitudinal=law_row(
+            arm.longitudinal, structure.laws, "longitudinal", lumped.longitudinal_stress * parameters.longitudinal_stress, parameters
+        ),
+        oblique=law_row(arm.oblique, structure.laws, "longitudinal", lumped.oblique_stress * parameters.oblique_stress, parameters),
         transverse=law_row(arm.transverse, structure.laws, "transverse", parameters.transverse_stress, parameters),
         sides=np.stack([np.sin(angles), np.cos(angles)], axis=1),
         around=share * np.stack([np.sin(passed), np.cos(passed)], axis=1),
-        hoop=arm.lumped.hoop_ratio * parameters.hoop_ratio,
+        hoop=lumped.hoop_ratio * parameters.hoop_ratio,
         squeeze=parameters.squeeze,
         tone=parameters.tone,
         viscosity=parameters.viscosity,
         pitch_rate=2 * np.pi / arm.oblique_pitch,
-        embedded=arm.lumped.oblique_passive * parameters.oblique_passive,
+        embedded=lumped.oblique_passive * parameters.oblique_passive,
     )
     edges = element_edges(arm, sections)
     hats, drag = hat_means(edges, section_bounds(arm, sections)), node_drag(arm, structure.water, edges)

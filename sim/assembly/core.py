@@ -103,6 +103,7 @@ class AssemblyCore:
     """
 
     loadable = True
+    works = ("muscles", "water", "viscosity")
     period = 0.025
     """The full arm, which its reduced model describes less well than that of one rod, is corrected more often."""
 
@@ -257,16 +258,7 @@ class AssemblyCore:
         samples = len(along) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         volumes = np.empty((samples, n))
-        longitudinal = np.empty((samples + 1, self.grid.straight_rods, n))
-        tone = self.resting_tone * np.minimum(clock.instants(first, samples) / TONE_RAMP, 1.0)
-        longitudinal[:, 0] = tone[:, None]
-        layout = self.arm.layout
-        muscles = along[:, layout.indices(layout.longitudinal)]
-        longitudinal[:, 1:] = self._toned(_at_spokes(muscles, self.grid.spokes), tone[:, None, None])
-        transverse = self._toned(along[:, layout.index(layout.transverse.name)], tone[:, None])
-        oblique = np.zeros((samples + 1, 2, self.grid.helix_elements))
-        for group in layout.oblique:
-            oblique[:, 0 if group.hand > 0 else 1] = inputs["oblique"][:, layout.index(group.name)]
+        longitudinal, oblique, transverse = self._levels(inputs, clock.instants(first, samples))
         with BUILDING:
             step = compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits, loads is not None)
         if self.paper_compatible:
@@ -286,6 +278,44 @@ class AssemblyCore:
             return self.rods.flat.dtype.type(numbers)
         rounded = map(self._rounded, numbers)
         return type(numbers)(*rounded) if hasattr(numbers, "_fields") else tuple(rounded)
+
+    def _levels(self, inputs: State, times: Floats) -> tuple[Floats, Floats, Floats]:
+        """Levels at T `times` (s) of cord and muscles (T, rods, N), of the hands (T, 2, helix elements), right first, and rings (T, N)."""
+        along, layout = inputs["arm"], self.arm.layout
+        longitudinal = np.empty((len(times), self.grid.straight_rods, self.elements))
+        tone = self.resting_tone * np.minimum(times / TONE_RAMP, 1.0)
+        longitudinal[:, 0] = tone[:, None]
+        muscles = along[:, layout.indices(layout.longitudinal)]
+        longitudinal[:, 1:] = self._toned(_at_spokes(muscles, self.grid.spokes), tone[:, None, None])
+        transverse = self._toned(along[:, layout.index(layout.transverse.name)], tone[:, None])
+        oblique = np.zeros((len(times), 2, self.grid.helix_elements))
+        for group in layout.oblique:
+            oblique[:, 0 if group.hand > 0 else 1] = inputs["oblique"][:, layout.index(group.name)]
+        return longitudinal, oblique, transverse
+
+    def energies(self) -> dict[str, float]:
+        """Energies by part, J, see `octoctrl.sim.assembly.account`; the published laws have no potential."""
+        from .account import energies
+
+        if self.paper_compatible:
+            raise OctoctrlError(
+                "the published laws have no potential, so that there is no account of their energy; leave paper_compatible or energy out"
+            )
+        if self.rods.flat.dtype != np.float64:
+            raise OctoctrlError("energy is accounted for in double precision only; leave precision or energy out")
+        return energies(self, self._h)
+
+    def powers(self, levels: State, time: float) -> dict[str, float]:
+        """Power of the muscles and of the water, W, see `octoctrl.sim.assembly.account`."""
+        from .account import powers
+
+        longitudinal, oblique, transverse = self._levels({name: values[None] for name, values in levels.items()}, np.array([time]))
+        return powers(self, self._h, (longitudinal[0], oblique[0], transverse[0]))
+
+    @property
+    def drag(self) -> tuple[float, float]:
+        """Normal and tangential drag of the muscles, kg/m^3."""
+        return self._drag[0], self._drag[1]
 
     def _carried(self, loads: Floats | None) -> tuple[Floats, Floats, Floats]:
         """Loads, the shares of them that cord and muscles carry, by their areas, and a place for the forces on their nodes."""

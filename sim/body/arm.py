@@ -46,7 +46,7 @@ def azimuth(group: str) -> float:
 class LumpedSection:
     """What a one-rod arm must lump, because its cross-section has no rods of its own that could move.
 
-    The three scalars were tuned to the recorded twist storage of the assembly of 197 rods.
+    By default the scalars are tuned to the recorded twist storage of the published assembly of 197 rods; see also `hydrostat`.
 
     Attributes
     ----------
@@ -57,16 +57,25 @@ class LumpedSection:
         Factor on the passive stress of the oblique fibres, which also stands for the tissue that they are embedded in.
     torsion : float
         Factor on the torsional stiffness of the straight rods, for their winding round each other.
+    longitudinal_stress, oblique_stress : float
+        Factors on the active stress of the fibres, for what their joints to the other layers do not hand on.
     """
 
     hoop_ratio: float = 0.19
     oblique_passive: float = 2.7
     torsion: float = 3.0
+    longitudinal_stress: float = 1.0
+    oblique_stress: float = 1.0
 
     def __post_init__(self) -> None:
         check_number("hoop_ratio", self.hoop_ratio, at_least=0.0, at_most=0.5)
-        check_number("oblique_passive", self.oblique_passive, above=0.0)
-        check_number("torsion", self.torsion, above=0.0)
+        for name in ("oblique_passive", "torsion", "longitudinal_stress", "oblique_stress"):
+            check_number(name, getattr(self, name), above=0.0)
+
+    @classmethod
+    def hydrostat(cls) -> "LumpedSection":
+        """Constants of the rod that is nearest to the full arm that keeps its volume (``benchmarks/rod_against_assembly.py fit``)."""
+        return cls(hoop_ratio=0.454, oblique_passive=0.847, torsion=1.40, longitudinal_stress=0.956, oblique_stress=0.549)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,6 +191,9 @@ class Arm:
     def fingerprint(self) -> str:
         """Four hexadecimal digits that differ between arms that differ in any field but the name and the resolution."""
         content = {key: value for key, value in asdict(self).items() if key not in ("name", "elements", "grading")}
+        # Factors of one do nothing and leave no mark.
+        factors = ("longitudinal_stress", "oblique_stress")
+        content["lumped"] = {key: value for key, value in content["lumped"].items() if key not in factors or value != 1.0}
         if self.layout != OCTOPUS_MUSCLES:
             content["layout"] = self.layout
         return hashlib.sha256(repr(sorted(_plain(content).items())).encode()).hexdigest()[:4]

@@ -11,6 +11,7 @@ it the active curve ends at zero and the passive curve goes on along its tangent
 """
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -98,6 +99,14 @@ class MuscleLaw:
         tension = self.maximum_stress * self.passive_scale * np.where(stretch > 1 + self.slack, np.maximum(curve, 0.0), 0.0)
         return tension + self.compression_modulus * np.minimum(stretch - 1 + self.slack, 0.0)
 
+    def passive_energy(self, stretch: ArrayLike) -> Floats:
+        """Passive energy per rest volume at `stretch` over that at rest, J/m^3.
+
+        A fibre of rest area A at the stretch s pulls with A sigma(s) / s, so that this is the integral of sigma(s) / s.
+        """
+        found: Floats = np.interp(np.asarray(stretch, dtype=float), *_passive_energies(self))
+        return found
+
     def velocity_factor(self, shortening: ArrayLike) -> Floats:
         """Hill factor f_v at the shortening rate over `maximum_rate` (negative while lengthening); never below zero."""
         w = np.asarray(shortening, dtype=float)
@@ -111,6 +120,15 @@ class MuscleLaw:
         """Total stress at `stretch`, stretch `rate` (1/s) and `activation`, Pa on the present area."""
         active = np.asarray(activation, dtype=float) * self.maximum_stress * self.active_factor(stretch)
         return active * self.velocity_factor(-np.asarray(rate, dtype=float) / self.maximum_rate) + self.passive_stress(stretch)
+
+
+@lru_cache(maxsize=32)
+def _passive_energies(law: MuscleLaw) -> tuple[Floats, Floats]:
+    """Stretches, and passive energies at them by the trapezoidal rule, J/m^3."""
+    grid = np.linspace(0.1, 4.0, 78001)
+    slope = law.passive_stress(grid) / grid
+    total = np.concatenate([[0.0], np.cumsum((slope[1:] + slope[:-1]) / 2 * np.diff(grid))])
+    return grid, total - np.interp(1.0, grid, total)
 
 
 _ISOMETRIC = SARCOMERE_STRESS * (0.81 - 0.14) / (1.58 - 0.14)

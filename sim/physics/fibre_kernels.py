@@ -38,8 +38,11 @@ MIDDLE = 1.1
 """Stretch about which single precision expands the polynomials: about zero, large terms of either sign would use up its digits."""
 
 
-def law_constants(law: MuscleLaw, passive_factor: float = 1.0, viscosity: float = 0.0, *, centre: float = 0.0) -> LawConstants:
-    """Constants of a `MuscleLaw`, with a factor on its passive stress and the `viscosity` (Pa s) of the tissue, which no level changes.
+def law_constants(
+    law: MuscleLaw, passive_factor: float = 1.0, active_factor: float = 1.0, *, viscosity: float = 0.0, centre: float = 0.0
+) -> LawConstants:
+    """Constants of a `MuscleLaw`, with factors on its passive and its active stress, and the `viscosity` (Pa s) of the tissue, which no
+    level changes.
 
     Its polynomials are in powers of the stretch less `centre`.
     """
@@ -47,7 +50,7 @@ def law_constants(law: MuscleLaw, passive_factor: float = 1.0, viscosity: float 
     scale = law.maximum_stress * law.passive_scale * passive_factor
     stretches = np.linspace(1.0, 1.4, 81)
     return LawConstants(
-        stress=law.maximum_stress,
+        stress=active_factor * law.maximum_stress,
         compression=law.compression_modulus * passive_factor,
         slack=law.slack,
         rate=1 / law.maximum_rate,

@@ -65,6 +65,7 @@ class RodCore:
     """
 
     model = "rod"
+    works = ("muscles", "water")
     loadable = True
     finer = (2, 4)
     """Driven tips now and then outrun the step at rest."""
@@ -190,13 +191,13 @@ class RodCore:
     def _compiled_scalars(self, h: float) -> Any:
         from .stepping import MuscleScalars
 
-        arm = self.arm
+        arm, lumped = self.arm, self.arm.lumped
         return MuscleScalars(
-            hoop_ratio=float(arm.lumped.hoop_ratio),
+            hoop_ratio=float(lumped.hoop_ratio),
             winding=tau / arm.oblique_pitch,
             elastic=h / 2,
-            longitudinal=law_constants(arm.longitudinal),
-            oblique=law_constants(arm.oblique, arm.lumped.oblique_passive),
+            longitudinal=law_constants(arm.longitudinal, 1.0, lumped.longitudinal_stress),
+            oblique=law_constants(arm.oblique, lumped.oblique_passive, lumped.oblique_stress),
             transverse=law_constants(arm.transverse),
             wet=self._complete or (self.scene.water is not None and self.scene.water.factor > 0),
         )
@@ -327,6 +328,18 @@ class RodCore:
         free = self.rows[Row.NODE_MOBILITY, nodes] > 0
         self.rows[Row.X1 : Row.X3 + 1, nodes] += free * np.transpose(shift)
         self.rows[Row.V1 : Row.V3 + 1, nodes] += free * np.transpose(velocities)
+
+    def energies(self) -> dict[str, float]:
+        """Energies by part, J, see `octoctrl.sim.rod.account`."""
+        from .account import energies
+
+        return energies(self)
+
+    def powers(self, levels: State, time: float) -> dict[str, float]:
+        """Power of the muscles and of the water, W, see `octoctrl.sim.rod.account`."""
+        from .account import powers
+
+        return powers(self, levels["arm"])
 
     def energy(self) -> dict[str, float]:
         """Kinetic energy, and elastic energy of the straight rods about their own axes, J; what muscle tissue stores is not in it."""
