@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..carrying.results import Execution
 from .motion import Floats, Motion, motion_of
+from .solids import tube_triangles
 
 SIDES, INSTANTS, PLACES = 16, 150, 61
 _SKIN, _FIRST, _SECOND = (168, 200, 225, 255), (214, 94, 0, 255), (247, 237, 204, 255)
@@ -116,10 +117,6 @@ def _tube(buffer: _Buffer, motion: Motion, frames: Floats) -> dict[str, Any]:
     angle = 2 * np.pi * np.arange(SIDES) / SIDES
     normals = np.cos(angle)[:, None] * frames[0, :, None, :, 0] + np.sin(angle)[:, None] * frames[0, :, None, :, 1]
     places = motion.points[0, :, None] + motion.radius[0, :, None, None] * normals
-    low, side = SIDES * np.arange(count - 1)[:, None], np.arange(SIDES)
-    after = (side + 1) % SIDES
-    lower = np.stack([low + side, low + after, low + SIDES + side], axis=2)
-    upper = np.stack([low + after, low + SIDES + after, low + SIDES + side], axis=2)
     colours = np.full((count, SIDES, 4), _SKIN)
     colours[:, 0], colours[:, SIDES // 2] = _FIRST, _SECOND
     joints, weights = np.zeros((count * SIDES, 4)), np.zeros((count * SIDES, 4))
@@ -131,7 +128,7 @@ def _tube(buffer: _Buffer, motion: Motion, frames: Floats) -> dict[str, Any]:
         "JOINTS_0": buffer.add(joints, _BYTE, target=_VERTICES),
         "WEIGHTS_0": buffer.add(weights, _FLOAT, target=_VERTICES),
     }
-    corners = np.concatenate([lower, upper]).reshape(-1, 1)
+    corners = tube_triangles(count, SIDES).reshape(-1, 1)
     return {"attributes": attributes, "indices": buffer.add(corners, _SHORT, target=_CORNERS), "material": 0}
 
 

@@ -25,7 +25,7 @@ from octoctrl.sim.scene.objects import frame_of
 from ..extras import extra
 from ..judging.comparison import planned_points
 from .motion import Floats, outer_radius
-from .solids import mesh
+from .solids import mesh, tube_triangles
 
 SIDES, PER_SECOND = 20, 30
 """Corners of a section, and pictures per second at most."""
@@ -288,11 +288,7 @@ class View:
         angle = 2 * np.pi * np.arange(SIDES) / SIDES
         ring = np.cos(angle)[:, None] * across[:, None, 0] + np.sin(angle)[:, None] * across[:, None, 1]
         vertices = (points[:, None] + radius[:, None, None] * ring).reshape(-1, 3)
-        low, side = SIDES * np.arange(len(points) - 1)[:, None], np.arange(SIDES)
-        after = (side + 1) % SIDES
-        lower = np.stack([low + side, low + after, low + SIDES + side], axis=2)
-        upper = np.stack([low + after, low + SIDES + after, low + SIDES + side], axis=2)
-        return vertices.astype(np.float32), np.concatenate([lower, upper]).reshape(-1, 3)
+        return vertices.astype(np.float32), tube_triangles(len(points), SIDES)
 
     def _stripe(self, observation: Any) -> tuple[Floats, Any]:
         """A ribbon just above the skin along LM3, which shows the twist."""

@@ -84,6 +84,13 @@ def solids(run: Execution, chosen: NDArray[np.int_]) -> tuple[dict[str, Floats],
     return arrays, meshes
 
 
+def tube_triangles(rings: int, sides: int) -> NDArray[np.int_]:
+    """Triangles (K, 3) of a tube: `rings` of as many corners as it has `sides`, in order; open at both ends, outside anticlockwise."""
+    low, side = sides * np.arange(rings - 1)[:, None], np.arange(sides)
+    a, b = low + side, low + (side + 1) % sides
+    return np.concatenate([np.stack([a, b, a + sides], axis=2), np.stack([b, b + sides, a + sides], axis=2)]).reshape(-1, 3)
+
+
 def _profile(item: RigidObject) -> tuple[Floats, Floats]:
     """Outline (P, 2) of a body of revolution from end to end, as (distance from the axis, height), and its normals (P, 2)."""
     quarter = np.linspace(0.0, np.pi / 2, ALONG + 1)
@@ -110,10 +117,7 @@ def _turned(outline: Floats, normals: Floats) -> tuple[Floats, Floats, NDArray[n
         flat = profile[:, None, :1] * ring
         return np.concatenate([flat, np.broadcast_to(profile[:, None, 1:], (*flat.shape[:2], 1))], axis=2).reshape(-1, 3)
 
-    low, next_one = AROUND * np.arange(len(outline) - 1)[:, None], (np.arange(AROUND) + 1) % AROUND
-    a, b = low + np.arange(AROUND), low + next_one
-    triangles = np.concatenate([np.stack([a, b, a + AROUND], axis=2), np.stack([b, b + AROUND, a + AROUND], axis=2)]).reshape(-1, 3)
-    return turn(outline), turn(normals), triangles
+    return turn(outline), turn(normals), tube_triangles(len(outline), AROUND)
 
 
 def _box(half: Floats) -> tuple[Floats, Floats, NDArray[np.int_]]:
