@@ -1,7 +1,8 @@
 """Verification of the full arm: time step, velocity noise, volume, and a recorded run of the published code.
 
-Run with ``python benchmarks/assembly_verification.py steps`` (about eight minutes), ``noise`` (one minute), ``volume`` (two minutes),
-``rest`` (one minute), or ``published FOLDER`` with the folder of the recorded run (``fig2c.csv`` and ``fig2c-states.npz``; three minutes).
+Run with ``python benchmarks/assembly_verification.py steps`` (about eight minutes), ``halves`` (70 against 35 us; four minutes), ``noise``
+(one minute), ``rest`` (one minute), ``volume`` (every group and pair at 0.3 and 1.0; fifteen minutes, with ``coarse`` five; see there for
+its words), or ``published FOLDER`` with the folder of the recorded run (``fig2c.csv`` and ``fig2c-states.npz``; three minutes).
 """
 
 import sys
@@ -12,11 +13,15 @@ from assembly import programme
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.buffer import set_filter_masks
-from octoctrl.sim.assembly.core import compiled
+from octoctrl.sim.assembly.core import AssemblyCore, compiled
 from octoctrl.sim.assembly.layout import AssemblyRow as R
-from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
+from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import make_plant
+from octoctrl.sim.running.clock import Clock
+from octoctrl.sim.running.plant import Plant
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.sources import sampled
 from octoctrl.sim.topology.measures import measure, twist, writhe
 
@@ -72,8 +77,8 @@ def single_steps(plant, activation, count):
     for _ in range(count):
         if plant.core.paper_compatible:
             set_filter_masks(rods)
-        tables = (rods.ring_index, rods.helix_index)
-        step(rods.flat, plant.h, 1, longitudinal, oblique, transverse, plant.core._laws, plant.core._drag, *tables, *out, False)
+        levels, numbers = (longitudinal, oblique, transverse), (plant.core._laws, plant.core._drag)
+        step(rods.flat, plant.h, 1, *levels, *numbers, rods.ring_index, rods.helix_index, *out, *plant.core._carried(None), False)
         seen.append(families(rods))
     return [np.stack(values) for values in zip(*seen, strict=True)]
 
@@ -111,26 +116,69 @@ def noise():
     print("; ".join(f"{name} {np.vdot(a, b) / np.sqrt(np.vdot(a, a) * np.vdot(b, b)):.3f}" for name, (a, b, *_) in kept.items()))
 
 
-def volume():
-    """Print the volume inside the rings, and of all rods' overlaps what it means, per group at level 0.3."""
-    print(f"{'group':12s} {'level':>5s}", *(f"{f'{t:.1f} s':>8s}" for t in np.arange(0.1, 0.81, 0.1)), "  % of the volume at rest")
-    for label, groups, level in (
-        ("LM1..8", LONGITUDINAL_GROUPS, 0.3),
-        ("LM1..8", LONGITUDINAL_GROUPS, 1.0),
-        ("LM1, 2, 8", ("LM1", "LM2", "LM8"), 1.0),
-        ("TM", ("TM",), 0.3),
-        ("TM", ("TM",), 1.0),
-        ("R-OM", ("R-OM",), 0.3),
-        ("R-OM", ("R-OM",), 1.0),
-        ("both OM", ("R-OM", "L-OM"), 1.0),
-        ("everything", MUSCLE_GROUPS, 1.0),
+SINGLES = (("LM1",), ("TM",), ("R-OM",), ("L-OM",))
+PAIRS = (
+    *((("LM1", other)) for other in ("LM2", "LM3", "LM4", "LM5", "TM", "R-OM", "L-OM")),
+    ("TM", "R-OM"),
+    ("TM", "L-OM"),
+    ("R-OM", "L-OM"),
+)
+"""All that differ by more than a turn of the arm about its axis."""
+
+MORE = (("LM1", "LM2", "LM8"), LONGITUDINAL_GROUPS, (*LONGITUDINAL_GROUPS, "TM"), MUSCLE_GROUPS)
+NAMES = {LONGITUDINAL_GROUPS: "LM1..8", (*LONGITUDINAL_GROUPS, "TM"): "LM1..8, TM", MUSCLE_GROUPS: "everything"}
+RISE, HELD = 0.5, 2.0
+
+
+def volume(words):
+    """Print what groups alone, in pairs and together do in 2 s to volume and shape, and whether they are survived.
+
+    `words` may hold ``coarse``, ``notone``, ``singles`` (no pairs), a level, and a step in microseconds as ``50us``.
+    """
+    kind, tone = ("assembly-coarse" if "coarse" in words else "assembly"), (0.0 if "notone" in words else None)
+    levels = [float(word) for word in words if word.replace(".", "", 1).isdigit()] or [0.3, 1.0]
+    step = next((float(word[:-2]) * 1e-6 for word in words if word.endswith("us")), "auto")
+    print("volume of the whole and of the slab furthest from rest, ever, %; line through the rings' centres: change of length, greatest")
+    print("turning of its tangent, twist and link of the cord at the end; samples done at a part of the step")
+    print(f"{'groups':14s} level {'until s':>8s} {'whole':>7s} {'slab':>7s} {'length':>8s} {'turning':>8s} {'Tw':>9s} {'again':>6s}")
+    for level in levels:
+        for groups in SINGLES + (() if "singles" in words else PAIRS) + MORE:
+            plant, said = make_plant(kind, dt=step, resting_tone=tone), ""
+            try:
+                recording = plant.advance(Activation(templates=(Plateau(groups=groups, level=level, rise=RISE),)), HELD)
+            except PlantUnstableError as error:
+                recording, said = error.recording, f"  {error}"
+            series = (recording.series[name] for name in ("volume", "slab_volume"))
+            furthest = [values.flat[np.abs(values - 1).argmax()] for values in series]
+            line = plant.core.nodes()[2].mean(axis=1)
+            parts = np.diff(line, axis=0)
+            lengths = np.linalg.norm(parts, axis=1)
+            along = parts / lengths[:, None]
+            turning = np.degrees(np.arccos(np.clip(along @ along[0], -1, 1)).max())
+            length = lengths.sum() / np.ptp(plant.core.geometry.rings.points[:, 0, 1]) - 1
+            turns = twist(recording.points[-1], -recording.frames[-1, 1:-1, 1])
+            name = NAMES.get(groups, ", ".join(groups))
+            cells = f"{100 * furthest[0]:7.2f} {100 * furthest[1]:7.2f} {length:+8.2%} {turning:8.1f} {turns:+9.5f} {plant.retried:6d}"
+            print(f"{name:14s} {level:5.2f} {recording.time[-1]:8.2f}", cells + said, flush=True)
+
+
+def halves():
+    """Print what 70 instead of 35 us changes while R-OM and TM rise to 0.3, and in the whole coil at oblique level 0.17."""
+    plateau = {groups: Activation(templates=(Plateau(groups=groups, level=0.3, rise=0.4),)) for groups in (("R-OM",), ("TM",))}
+    for label, activation, duration in (
+        *((groups[0], source, 0.5) for groups, source in plateau.items()),
+        ("coil", programme(0.17), 7.0),
     ):
-        plant, cells = make_plant("assembly"), []
-        rest, activation = plant.core.volume(), Activation(templates=(Plateau(groups=groups, level=level, rise=0.4),))
-        for _ in range(8):
-            plant.advance(activation, 0.1)
-            cells.append(f"{100 * plant.core.volume() / rest:8.1f}")
-        print(f"{label:12s} {level:5.2f}", *cells, flush=True)
+        traces = []
+        for steps_in_a_sample in (71, 142):  # 70 us is more than a user may ask for
+            recording = Plant(AssemblyCore(Arm.octopus(), Scene.free()), Clock(steps=steps_in_a_sample)).advance(activation, duration)
+            trace = measure(recording.time, recording.points, recording.frames)
+            traces.append({"Lk": trace.lifted_link, "Wr": trace.lifted_writhe, "Tw": trace.twist, "length": recording.length * 1e3})
+        cells = []
+        for name, fine in traces[1].items():
+            apart, scale = np.abs(traces[0][name] - fine).max(), np.abs(fine - fine[0]).max()
+            cells.append(f"{name} {apart:.4f}" + (f" ({100 * apart / scale:.2f} %)" if scale > 1e-3 else ""))
+        print(f"{label:5s} 70 against 35 us, greatest difference in turns or mm:", ", ".join(cells), flush=True)
 
 
 def rest():
@@ -183,9 +231,11 @@ def published(folder):
 
 
 def main():
-    subjects = {"steps": steps, "noise": noise, "volume": volume, "rest": rest}
+    subjects = {"steps": steps, "halves": halves, "noise": noise, "rest": rest}
     if sys.argv[1:2] == ["published"] and len(sys.argv) == 3:
         published(Path(sys.argv[2]))
+    elif sys.argv[1:2] == ["volume"]:
+        volume(sys.argv[2:])
     elif sys.argv[1:] and all(name in subjects for name in sys.argv[1:]):
         for name in sys.argv[1:]:
             subjects[name]()
