@@ -158,3 +158,16 @@ def test_numbers_of_numpy_and_whole_numbers_are_numbers():
             Arm(elements=wrong)
     with pytest.raises(OctoctrlError, match="length: expected a number in m, found bool True"):
         Arm(length=True)
+
+
+def test_compliant_tissue_is_softer_in_tension_and_nothing_else():
+    soft = Arm.octopus(tissue="compliant")
+    for name in ("longitudinal", "oblique", "transverse"):
+        mine, theirs = getattr(soft, name), getattr(ARM, name)
+        stretches = np.linspace(0.7, 1.7, 41)
+        wanted = theirs.passive_stress(stretches) * np.where(stretches > 1, 0.15, 1.0)
+        np.testing.assert_allclose(mine.passive_stress(stretches), wanted, atol=1e-9)
+        assert dataclasses.replace(mine, passive_scale=1.0) == theirs
+    assert soft.fingerprint != ARM.fingerprint and soft.name == "octopus-20cm-compliant"
+    assert Arm.octopus(tissue="compliant", length=0.3).length == 0.3
+    assert Arm.octopus(tissue="study") == ARM

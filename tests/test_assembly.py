@@ -453,6 +453,22 @@ def test_muscles_deform_the_arm_at_constant_volume(groups, level, length):
     assert np.abs(now[:170, ::2]).max() < 1e-3
 
 
+@pytest.mark.parametrize(
+    ("groups", "reach", "least"), [(("TM",), 0.16, 0.25), (LONGITUDINAL_GROUPS, 0.2, -0.33)], ids=["elongated", "shortened"]
+)
+@pytest.mark.slow
+def test_compliant_arms_lengthen_by_a_quarter_and_shorten_by_a_third(groups, reach, least):
+    """Where the muscles are active: without the tip, which bends aside when it is pressed out at full level."""
+    plant = make_plant("assembly-coarse", Arm.octopus(tissue="compliant"))
+    there = slice(round(180 * reach / 0.2))
+    before = plant.core.nodes()[2].mean(axis=1)[there]
+    found = plant.advance(Activation(templates=(Plateau(groups=groups, level=1.0, rise=0.5, window=(0.0, reach)),)), 1.5)
+    now = plant.core.nodes()[2].mean(axis=1)[there]
+    length, rest = (np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in (now, before))
+    assert (length / rest - 1) * np.sign(least) > abs(least)
+    assert np.abs(now[:, ::2]).max() < 1e-3 and np.abs(found.series["slab_volume"] - 1).max() < 0.01
+
+
 def test_a_sample_that_stops_is_tried_again_at_parts_of_the_step():
     """At 250 µs a sample soon stops; tried again it is that of an arm at a half or a quarter of that, to the bit."""
     pull = Activation(templates=(Plateau(groups=("R-OM",), level=0.3, rise=0.02),))

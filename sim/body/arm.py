@@ -12,7 +12,7 @@ material direction (sin, cos, 0). R-OM is the geometrically right-handed family 
 """
 
 import hashlib
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from math import atan2, cos, degrees, pi, sin, sqrt, tau
 from numbers import Real
 from typing import TYPE_CHECKING, Any
@@ -35,6 +35,12 @@ LONGITUDINAL_GROUPS = tuple(group.name for group in OCTOPUS_MUSCLES.longitudinal
 
 REST_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Frame of the base, and of every section at rest: rows d1 = +z, d2 = +x, d3 = +y (arm axis)."""
+
+
+COMPLIANT = 0.15
+"""Factor on the passive stress in tension of an arm that lengthens and shortens as real arms do."""
+
+_LAWS = {"longitudinal": LONGITUDINAL, "oblique": LONGITUDINAL, "transverse": TRANSVERSE}
 
 
 def azimuth(group: str) -> float:
@@ -171,16 +177,31 @@ class Arm:
                 raise OctoctrlError(f"{name}={getattr(self, name)!r}: a MuscleLaw is needed")
 
     @classmethod
-    def octopus(cls, **changes: Any) -> "Arm":
+    def octopus(cls, *, tissue: str = "study", **changes: Any) -> "Arm":
         """The 20 cm arm of *O. rubescens* in Tekinalp et al. (2024), with any field changed by keyword.
+
+        Parameters
+        ----------
+        tissue : {"study", "compliant"}
+            Passive tissue. The study's keeps the full arm between +13 and -29 % of its length, whatever is active. Real arms go further:
+            *O. vulgaris* reaches with 0.57 +- 0.41 of strain (Hanassy et al. 2015, Bioinspir. Biomim. 10:035001), for which their model
+            needs next to no passive force of longitudinal muscle. The study's curves are those of isolated muscles from their own rest
+            length; in the arm longitudinal muscle rests at 20 % compression (Di Clemente et al. 2021, J. Exp. Biol. 224:jeb242644), so that
+            its passive force begins later. ``"compliant"`` stands for that by `COMPLIANT` times the passive stress in tension.
+        **changes
+            Fields of `Arm`; they come after the tissue.
 
         Raises
         ------
         OctoctrlError
-            If a keyword is not a field of `Arm`.
+            If there is no such tissue, or a keyword is not a field of `Arm`.
         """
-        from ..errors import suggest
+        from ..errors import check_choice, suggest
 
+        check_choice("tissue", tissue, ("study", "compliant"))
+        if tissue == "compliant":
+            soft = {name: replace(law, passive_scale=COMPLIANT) for name, law in _LAWS.items()}
+            changes = {"name": "octopus-20cm-compliant", **soft, **changes}
         known = [item.name for item in fields(cls)]
         for key in changes:
             if key not in known:
