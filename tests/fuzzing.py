@@ -20,7 +20,7 @@ def broken_bytes(content, chance):
     found = bytearray(content)
     for _ in range(int(chance.integers(1, 4))):
         size = max(len(found), 1)
-        place, length = int(chance.integers(size)), int(min(chance.integers(1, 1 + size // 4), 4000))
+        place, length = int(chance.integers(size)), int(min(chance.integers(1, 2 + size // 4), 4000))
         way = chance.integers(6)
         if way == 0 and found:
             found[place] ^= 1 << int(chance.integers(8))

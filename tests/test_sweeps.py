@@ -161,6 +161,7 @@ MISTAKES = {
     BASE + "[set]\n'colour' = 1": "unknown key 'colour' (keys begin with task, arm, scene, plan, run, gains, sensors)",
     BASE + "[set]\n'arm.length' = 0.2\n[grid]\n'arm.length' = [0.2]": "'arm.length' is changed twice; give it in one of",
     BASE + "runs = 0": "runs",
+    BASE + "[set]\n'arm.length' = 1979-05-27": "'arm.length' is date 1979-05-27; give a number, a text, true or false, or a list of these",
     "a = [": "not valid TOML",
 }
 

@@ -17,7 +17,7 @@ from octoctrl.sim.running.sensors import Sensors
 from .. import tasks
 from ..files.configuration import Configuration, parse
 from ..files.store import read_header
-from ..files.toml_source import tables
+from ..files.toml_source import found, tables
 from ..files.toml_writing import toml_of
 
 FAMILIES = ("task", "arm", "scene", "plan", "run")
@@ -58,17 +58,17 @@ class Sweep:
 
     def jobs(self) -> list[dict[str, Any]]:
         """The runs as plain dicts, in order; what a run draws depends on the seed and its index alone."""
-        found: list[dict[str, Any]] = []
+        made: list[dict[str, Any]] = []
         for values in itertools.product(*self.grid.values()):
             for _ in range(self.runs):
-                index = len(found)
+                index = len(made)
                 chance = np.random.default_rng([self.seed, index])
                 drawn = {key: float(chance.uniform(*ends)) for key, ends in self.random.items()}
                 changes = {**self.fixed, **dict(zip(self.grid, values, strict=True)), **drawn}
                 job = {"configuration": self.configuration, "changes": changes, "seed": int(chance.integers(2**31))}
                 text = json.dumps({**job, "plan": self.digest}, sort_keys=True)
-                found.append({"index": index, "key": hashlib.sha256(text.encode()).hexdigest()[:16], "plan": self.plan, **job})
-        return found
+                made.append({"index": index, "key": hashlib.sha256(text.encode()).hexdigest()[:16], "plan": self.plan, **job})
+        return made
 
 
 def read_sweep(path: str | Path) -> Sweep:
@@ -181,7 +181,9 @@ def _check(path: Path, sweep: Sweep) -> None:
             raise OctoctrlError(f"{path}: '{key}' is changed twice; give it in one of [set], [grid] and [random]")
     known = (*FAMILIES, "gains", "sensors")
     for changes in (sweep.fixed, *({**sweep.fixed, key: value} for key, value in single)):
-        for key in changes:
+        for key, value in changes.items():
+            if not _plain(value):
+                raise OctoctrlError(f"{path}: '{key}' is {found(value)}; give a number, a text, true or false, or a list of these")
             if _family(key) not in known:
                 raise OctoctrlError(f"{path}: unknown key '{key}'{suggest(_family(key), known)} (keys begin with {', '.join(known)})")
             if sweep.plan and _family(key) in ("task", "plan"):
@@ -189,6 +191,10 @@ def _check(path: Path, sweep: Sweep) -> None:
         configuration_of(sweep.configuration, changes, str(path))
         Sensors(**_known(path, "sensors", part(changes, "sensors"), [item.name for item in fields(Sensors)]))
         _known(path, "gains", part(changes, "gains"), MUSCLE_GROUPS)
+
+
+def _plain(value: Any) -> bool:
+    return all(map(_plain, value)) if isinstance(value, list) else isinstance(value, str | bool | int | float)
 
 
 def _known(path: Path, family: str, given: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
