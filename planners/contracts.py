@@ -298,6 +298,8 @@ class ControllerReport:
         Muscle groups that it found to do nothing, and when it was sure, s.
     design_time : float, s
         Processor time before the run.
+    margins : mapping of str to float
+        What a linear loop withstands, where the controller is one; see `octoctrl.planners.following.margins.margins`.
     fallbacks : int
         Periods in which a controller that optimises had no answer in time and gave way to another.
     step_time, longest_step : float, s
@@ -308,6 +310,7 @@ class ControllerReport:
     estimated_errors: Mapping[str, float] = field(default_factory=dict)
     dead_groups: Mapping[str, float] = field(default_factory=dict)
     design_time: float = 0.0
+    margins: Mapping[str, float] = field(default_factory=dict)
     fallbacks: int = 0
     step_time: float = 0.0
     longest_step: float = 0.0

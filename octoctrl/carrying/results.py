@@ -236,6 +236,12 @@ def execution_text(run: Execution) -> str:
     lines.append(
         f" at the end: {last}   net self-crossings {int(trace.net_crossings()[-1]):+d}   peak activation {recording.levels.max():.2f}"
     )
+    if margins := run.report.controller.margins:
+        lines.append(
+            f" feedback withstands, by its linear model: gains x {1 / margins['gain']:.2f} to {margins['gain']:.2f}, phase "
+            f"{np.degrees(margins['phase']):.0f} deg, {1e3 * margins['delay']:.0f} ms of delay; level 0.1 of disturbance moves twist and "
+            f"writhe by {0.1 * margins['induced gain']:.2f} turns at most (rms over the plan)"
+        )
     for group, when in run.report.controller.dead_groups.items():
         lines.append(f" {group} does nothing: it was activated and the arm did not answer; found at {when:.2f} s")
     lines.append(f" {run.status.value}" + (f" ({recording.note})" if recording.note else ""))

@@ -11,6 +11,7 @@ from octoctrl.sim.sources import Corrected
 from ..contracts import ActivationSource, ClockReading, ControllerReport, Observation
 from ..solving.plan import Plan
 from .design import Course
+from .margins import margins
 from .observer import Observer
 from .tracking import Tracker
 
@@ -31,6 +32,7 @@ class TVLQR:
         self.plan, self._model = plan, plan.model
         self._activation = plan.schedule.activation()
         self._course: Course | None = None
+        self._margins: dict[str, float] | None = None
         self._design_time, self._now = 0.0, np.inf
 
     def tracker(self, course: Course) -> Tracker:
@@ -40,7 +42,7 @@ class TVLQR:
     def _start(self, period: float) -> None:
         if self._course is None or abs(self._course.period - period) > 1e-9:
             begin = process_time()
-            self._course = Course(self.plan, self._model, period)
+            self._course, self._margins = Course(self.plan, self._model, period), None
             self._design_time = process_time() - begin
         self._tracker = self.tracker(self._course)
         self._observer = Observer(self._model, self.plan.task.convention.pole)
@@ -96,5 +98,13 @@ class TVLQR:
             return ControllerReport()
         errors = dict(zip((*self._course.groups, "drag"), self._tracker.errors.round(3).tolist(), strict=True))
         return ControllerReport(
-            largest_correction=self._largest, estimated_errors=errors, dead_groups=dict(self._dead), design_time=self._design_time
-        )
+            largest_correction=self._largest, estimated_errors=errors, dead_groups=dict(self._dead), design_time=self._design_time,
+            margins=self._course_margins(),
+        )  # fmt: skip
+
+    def _course_margins(self) -> dict[str, float]:
+        """Made once per design, when they are first asked for."""
+        assert self._course is not None
+        if self._margins is None:
+            self._margins = margins(self._course)
+        return dict(self._margins)

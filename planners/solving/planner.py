@@ -40,7 +40,7 @@ SAMPLE = 0.01
 RELAXED, NEAR = 0.25, 3.5
 """Smaller u that is aimed at when a search has come within so many tolerances."""
 
-SEVERAL, OTHER_WORK = 2, 15000.0
+SEVERAL, OTHER_WORK = 2, 10000.0
 """Sequences of drives that are looked for where they are chosen, and the work spent on others where the given ones do not do."""
 
 SEARCH_SHARE = 0.7
