@@ -59,9 +59,9 @@ def fits(hint: Any, value: Any) -> bool:
     if origin is typing.Literal:
         return value in inner
     if hint is float:
-        return isinstance(value, int | float) and not isinstance(value, bool)
+        return isinstance(value, float) or fits(int, value)
     if hint is int:
-        return isinstance(value, int) and not isinstance(value, bool)
+        return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1 << 63
     if hint is None or hint is type(None):
         return value is None
     if isinstance(hint, type) and (hint in (str, bool) or is_dataclass(hint) or issubclass(hint, Enum) or _checkable(hint)):

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from octoctrl.sim import archives
+from octoctrl.sim.annotations import fits
 from octoctrl.sim.archives import read_archive, write_archive
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.registries import enter
+from octoctrl.sim.running.state_files import read_state
 
 
 class Spy:
@@ -66,6 +68,17 @@ def test_files_that_are_not_there_are_said_to_be(tmp_path):
     for name, message in (("none.npz", "none.npz does not exist"), ("a.txt", "unknown format '.txt'; use .npz")):
         with pytest.raises(OctoctrlError, match=message):
             read_archive(tmp_path / name)
+
+
+def test_numbers_that_no_computer_has_fit_nowhere():
+    assert fits(float, 3) and fits(int, -(2**62)) and fits(float | None, None) and fits(tuple[float, ...], (1.0, 2))
+    assert not fits(float, 10**400) and not fits(int, 2**70) and not fits(float, True) and not fits(tuple[float, float], (1.0,))
+
+
+def test_a_state_of_something_else_is_not_told_at_length(tmp_path):
+    write_archive(tmp_path / "s.npz", {"state": 1, "identity": {"arm": [["x" * 9000]]}}, {"a": np.zeros(1)})
+    with pytest.raises(OctoctrlError, match=r"s\.npz holds no state of a plant, or is damaged$"):
+        read_state(tmp_path / "s.npz", {"arm": "y"})
 
 
 def test_the_same_may_be_entered_twice_and_another_never():

@@ -61,7 +61,8 @@ def read_state(path: str | Path, identity: Mapping[str, Any]) -> State:
         raise OctoctrlError(f"{path} does not exist; write one with Plant.save")
     header, state = read_archive(path) or ({}, {})
     schema, found = header.get("state"), header.get(IDENTITY)
-    if type(schema) is not int or schema < 1 or not isinstance(found, dict):
+    plain = isinstance(found, dict) and all(value is None or isinstance(value, str | int | float) for value in found.values())
+    if type(schema) is not int or schema < 1 or not isinstance(found, dict) or not plain:
         raise OctoctrlError(f"{path} holds no state of a plant, or is damaged")
     if schema > SCHEMA:
         raise OctoctrlError(f"{path} was written by a newer octoctrl: pip install -U octoctrl")
