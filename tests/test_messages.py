@@ -41,6 +41,7 @@ TASK_KEYS = ", ".join(item.name for item in fields(oc.Task))
 
 OBJECTS = [
     (lambda: oc.make_plant("assembly", paper_compatible=True, energy=True).core.energies(), "the published laws have no potential, so that there is no account of their energy; leave paper_compatible or energy out"),
+    (lambda: oc.make_plant("assembly-coarse", precision="mixed", energy=True).core.energies(), "energy is accounted for in double precision only; leave precision or energy out"),
     (lambda: oc.Arm(length=20), "length=20 m is outside 0.001…5 m; lengths are SI - did you mean 0.20 (20 cm)?"),
     (lambda: oc.Arm(elements=2), "elements=2: at least 8 are needed to carry a curvature packet (10 per packet width advised)"),
     (lambda: oc.Arm(base_radius=0.08), "radius 0.08 m for a 0.20 m arm: rod theory wants radius/length < 0.25, found 0.40"),
