@@ -6,7 +6,7 @@ import pytest
 import octoctrl as oc
 from octoctrl.sim.body.arm import Arm
 
-NEW = ("coil-outward", "tip", "twist")
+NEW = ("coil-outward", "lm-helix", "tip", "twist")
 
 
 @pytest.fixture(scope="module", params=NEW)
