@@ -76,7 +76,7 @@ def test_numbers_that_no_computer_has_fit_nowhere():
 
 
 def test_a_state_of_something_else_is_not_told_at_length(tmp_path):
-    write_archive(tmp_path / "s.npz", {"state": 1, "identity": {"arm": [["x" * 9000]]}}, {"a": np.zeros(1)})
+    write_archive(tmp_path / "s.npz", {"state": 1, "identity": {"arm": "x\n"}}, {"a": np.zeros(1)})
     with pytest.raises(OctoctrlError, match=r"s\.npz holds no state of a plant, or is damaged$"):
         read_state(tmp_path / "s.npz", {"arm": "y"})
 

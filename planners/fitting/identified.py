@@ -139,7 +139,9 @@ class IdentifiedModel(Record):
         """
         try:
             content = json.loads(Path(path).read_text(encoding="utf-8"))
-            if str(content["arm"]) != arm.fingerprint:
+            if not content["arm"].isalnum():
+                raise ValueError("no fingerprint")
+            if content["arm"] != arm.fingerprint:
                 raise OctoctrlError(
                     f"{path}: identified for an arm with hash {content['arm']}, this arm '{arm.name}' has {arm.fingerprint}; identify again"
                 )

@@ -61,7 +61,9 @@ def read_state(path: str | Path, identity: Mapping[str, Any]) -> State:
         raise OctoctrlError(f"{path} does not exist; write one with Plant.save")
     header, state = read_archive(path) or ({}, {})
     schema, found = header.get("state"), header.get(IDENTITY)
-    plain = isinstance(found, dict) and all(value is None or isinstance(value, str | int | float) for value in found.values())
+    plain = isinstance(found, dict) and all(
+        value is None or (isinstance(value, str | int | float) and str(value).isprintable()) for value in found.values()
+    )
     if type(schema) is not int or schema < 1 or not isinstance(found, dict) or not plain:
         raise OctoctrlError(f"{path} holds no state of a plant, or is damaged")
     if schema > SCHEMA:
