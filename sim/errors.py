@@ -90,9 +90,12 @@ def check_number(
     """
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise OctoctrlError(f"{name}: expected a number{f' in {unit}' if unit else ''}, found {_describe(value)}")
-    found = float(value)
+    try:
+        found = float(value)
+    except OverflowError:  # a whole number may be of any size
+        found = math.inf
     if not math.isfinite(found):
-        raise OctoctrlError(f"{name} is {value}; a finite number is needed")
+        raise OctoctrlError(f"{name} is {brief(value)}; a finite number is needed")
     low_open, high_open = above is not None, below is not None
     low, high = (above if low_open else at_least), (below if high_open else at_most)
     too_low = low is not None and (found <= low if low_open else found < low)
@@ -135,8 +138,14 @@ def check_choice(name: str, value: object, choices: Collection[str]) -> None:
     """Check that `value` is one of `choices`; the error suggests the nearest."""
     if value not in choices:
         listed = ", ".join(str(choice) for choice in choices)
-        raise OctoctrlError(f"unknown {name} '{value}'{suggest(value, choices)} ({listed})")
+        raise OctoctrlError(f"unknown {name} '{brief(value)}'{suggest(value, choices)} ({listed})")
+
+
+def brief(value: object, longest: int = 80) -> str:
+    """Quote a `value` in a message: as it is printed, on one line, and of what is longer than `longest` characters both ends."""
+    text = " ".join(str(value).split())
+    return text if len(text) <= longest else f"{text[: longest - 20]} … {text[-17:]}"
 
 
 def _describe(value: object) -> str:
-    return f"the string {value!r}" if isinstance(value, str) else f"{type(value).__name__} {value!r}"
+    return f"the string {brief(repr(value))}" if isinstance(value, str) else f"{type(value).__name__} {brief(repr(value))}"

@@ -30,7 +30,12 @@ def enter(table: dict[str, Any], what: str, name: str, item: Item) -> Item:
         If the name belongs to another.
     """
     other = table.get(name, item)
-    if other is not item and (not isinstance(item, type) or getattr(other, "__qualname__", "") != item.__qualname__):
+    if other is not item and not (isinstance(item, type) and _origin(other) == _origin(item)):
         raise OctoctrlError(f"a {what} called '{name}' exists already; choose another name")
     table[name] = item
     return item
+
+
+def _origin(item: Any) -> tuple[str, str]:
+    """Where a class was written."""
+    return getattr(item, "__module__", ""), getattr(item, "__qualname__", "")

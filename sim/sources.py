@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from .activation import raised_cosine
 from .body.layout import OCTOPUS_MUSCLES, Family, MuscleLayout
 from .contracts import ActivationSource, Floats
-from .errors import OctoctrlError, check_number, suggest
+from .errors import OctoctrlError, brief, check_number, suggest
 
 ROUNDING = 1e-12
 """By how much sums of levels may exceed 1."""
@@ -242,7 +242,7 @@ def _as_levels(what: str, values: ArrayLike) -> Floats:
     except ValueError:  # rows of several lengths
         found = np.empty(0, dtype=object)
     if found.dtype.kind not in "biuf":
-        raise OctoctrlError(f"{what}: found {type(values).__name__} {str(values)[:60]}; numbers from 0 to 1 are needed")
+        raise OctoctrlError(f"{what}: found {type(values).__name__} {brief(values)}; numbers from 0 to 1 are needed")
     return found.astype(float, copy=False)
 
 

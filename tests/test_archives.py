@@ -88,4 +88,6 @@ def test_the_same_may_be_entered_twice_and_another_never():
     assert [enter(table, "thing", "Kind", kind) for kind in again] == again and table["Kind"] is again[1]
     with pytest.raises(OctoctrlError, match="a thing called 'a' exists already; choose another name"):
         enter(table, "thing", "a", object())
+    with pytest.raises(OctoctrlError, match="a thing called 'Kind' exists already; choose another name"):
+        enter(table, "thing", "Kind", type("Kind", (), {"__module__": "of_another_author"}))
     assert table["a"] is item

@@ -149,6 +149,22 @@ def test_odd_files_are_refused_in_one_sentence(kind, samples, tmp_path, monkeypa
     assert check(kind, samples, tmp_path, capsys, range(30)) > 10
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("laws", {"tuple": ["x" * 3000]}, "model.json is no reduced model, or is damaged; make one with: octoctrl identify -o model.json"),
+        ("laws", "x" * 3000, f"unknown laws '{'x' * 60} … {'x' * 17}' (known, generic)"),
+        ("sections", 10**400, "model.json is no reduced model, or is damaged; make one with: octoctrl identify -o model.json"),
+    ],
+)
+def test_a_model_of_a_strange_kind_is_not_quoted_at_length(samples, tmp_path, monkeypatch, key, value, said):
+    monkeypatch.chdir(tmp_path)
+    here("model.json").write_text(json.dumps(json.loads((samples / "model.json").read_text()) | {key: value}))
+    with pytest.raises(OctoctrlError) as refused:
+        IdentifiedModel.load("model.json", oc.Arm.octopus())
+    assert str(refused.value) == said
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_thousands_of_odd_files(kind, samples, tmp_path, monkeypatch, capsys):

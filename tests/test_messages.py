@@ -15,6 +15,7 @@ from octoctrl.cli.application import main
 from octoctrl.files import store
 from octoctrl.planners.asking.registry import primitive
 from octoctrl.planners.asking.shares import Share
+from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.sim.body.fibres import winding_of
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import make_plant
@@ -43,6 +44,8 @@ OBJECTS = [
     (lambda: oc.make_plant("assembly", paper_compatible=True, energy=True).core.energies(), "the published laws have no potential, so that there is no account of their energy; leave paper_compatible or energy out"),
     (lambda: oc.make_plant("assembly-coarse", precision="mixed", energy=True).core.energies(), "energy is accounted for in double precision only; leave precision or energy out"),
     (lambda: oc.Arm(length=20), "length=20 m is outside 0.001…5 m; lengths are SI - did you mean 0.20 (20 cm)?"),
+    (lambda: oc.Arm(length=10**400), f"length is 1{'0' * 59} … {'0' * 17}; a finite number is needed"),
+    (lambda: ReducedModel(laws="x" * 3000), f"unknown laws '{'x' * 60} … {'x' * 17}' (known, generic)"),
     (lambda: oc.Arm(elements=2), "elements=2: at least 8 are needed to carry a curvature packet (10 per packet width advised)"),
     (lambda: oc.Arm(base_radius=0.08), "radius 0.08 m for a 0.20 m arm: rod theory wants radius/length < 0.25, found 0.40"),
     (lambda: oc.Arm.octopus(lenght=0.2), f"Arm has no field 'lenght'; did you mean 'length'? ({', '.join(item.name for item in fields(oc.Arm))})"),

@@ -1,5 +1,7 @@
 """A primitive and a goal from outside the package, written with public names only, from the task file to the verdict and back."""
 
+import subprocess
+import sys
 from dataclasses import dataclass, replace
 from math import inf
 from typing import ClassVar
@@ -111,6 +113,38 @@ def test_lists_and_arrays_are_taken_for_tuples():
         return oc.Task(name="lean", phases=several((oc.Phase(name="a", duration=1.0, goals=goals),)), drives=several((drive,)))
 
     assert lean(list, np.array([0.0, 0.1, 0.0])) == lean(tuple, (0.0, 0.1, 0.0)) and hash(lean(list, [0.0, 0.1, 0.0]))
+
+
+TAKEN = """
+from dataclasses import dataclass
+from typing import ClassVar
+import octoctrl as oc
+from octoctrl.sim.errors import OctoctrlError
+
+def refused(register, name, quantity):
+    try:
+        register(dataclass(frozen=True)(type(name, (), {"quantity": quantity, "__module__": "__main__"})))
+    except OctoctrlError as error:
+        return str(error)
+
+print(refused(oc.WAY, *NAMED))
+"""
+
+
+@pytest.mark.parametrize(
+    ("way", "named", "said"),
+    [
+        ("register_primitive", ("Twist", "x"), "a class called 'Twist' exists already"),
+        ("register_primitive", ("TwistGoal", "x"), "a class called 'TwistGoal' exists already"),
+        ("register_primitive", ("Share", "x"), "a class called 'Share' exists already"),
+        ("register_goal", ("Screw", "twist"), "a goal called 'twist' exists already"),
+    ],
+)
+def test_a_name_is_taken_whatever_was_imported_before(way, named, said):
+    """In a process that has looked up nothing yet, by a class that stands at the top of a script."""
+    program = TAKEN.replace("WAY", way).replace("NAMED", repr(named))
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert found == f"{said}; choose another name\n"
 
 
 def test_names_that_are_taken_are_refused():

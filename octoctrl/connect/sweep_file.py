@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
-from octoctrl.sim.errors import OctoctrlError, check_count, suggest
+from octoctrl.sim.errors import OctoctrlError, brief, check_count, suggest
 from octoctrl.sim.running.sensors import Sensors
 
 from .. import tasks
@@ -97,7 +97,7 @@ def read_sweep(path: str | Path) -> Sweep:
         raise OctoctrlError(f"{path} is not text in UTF-8") from None
     for key in data:
         if key not in _KEYS:
-            raise OctoctrlError(f"{path}: unknown key '{key}'{suggest(key, _KEYS)} (known: {', '.join(_KEYS)})")
+            raise OctoctrlError(f"{path}: unknown key '{brief(key)}'{suggest(key, _KEYS)} (known: {', '.join(_KEYS)})")
     for key in ("set", "grid", "random"):
         if not isinstance(data.setdefault(key, {}), dict):
             raise OctoctrlError(f"{path}: '{key}' is not a table; write [{key}] and under it lines such as \"scene.water.factor\" = ...")
@@ -169,7 +169,7 @@ def _ranges(path: Path, table: Mapping[str, Any]) -> Iterable[tuple[str, tuple[f
 def _ends(path: Path, key: str, first: Any, last: Any) -> tuple[float, float]:
     for value in (first, last):
         if not isinstance(value, int | float) or isinstance(value, bool) or not np.isfinite(value):
-            raise OctoctrlError(f"{path}: '{key}': the ends of a range are numbers, found {value!r}")
+            raise OctoctrlError(f"{path}: '{key}': the ends of a range are numbers, found {brief(repr(value))}")
     return float(first), float(last)
 
 
@@ -185,7 +185,9 @@ def _check(path: Path, sweep: Sweep) -> None:
             if not _plain(value):
                 raise OctoctrlError(f"{path}: '{key}' is {found(value)}; give a number, a text, true or false, or a list of these")
             if _family(key) not in known:
-                raise OctoctrlError(f"{path}: unknown key '{key}'{suggest(_family(key), known)} (keys begin with {', '.join(known)})")
+                raise OctoctrlError(
+                    f"{path}: unknown key '{brief(key)}'{suggest(_family(key), known)} (keys begin with {', '.join(known)})"
+                )
             if sweep.plan and _family(key) in ("task", "plan"):
                 raise OctoctrlError(f"{path}: '{key}' cannot be changed, for the plan is made; give task = ... to plan each run")
         configuration_of(sweep.configuration, changes, str(path))

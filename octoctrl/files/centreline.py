@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from octoctrl.sim.errors import OctoctrlError, suggest
+from octoctrl.sim.errors import OctoctrlError, brief, suggest
 from octoctrl.sim.topology.centreline import Centreline
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
@@ -60,7 +60,7 @@ def read_centreline(path: str | Path, *, unit: str | None = None) -> Centreline:
         time, point, x, y, z = (_number(path, number, row, places[name], name) for name in COLUMNS)
         line = row[places["line"]].strip() if "line" in places and places["line"] < len(row) else "axis"
         if line not in found:
-            raise OctoctrlError(f"{path}:{number}: line is '{line[:40]}'{suggest(line, LINES)}; 'axis' or 'skin' is needed")
+            raise OctoctrlError(f"{path}:{number}: line is '{brief(line)}'{suggest(line, LINES)}; 'axis' or 'skin' is needed")
         if point != int(point) or point < 0:
             raise OctoctrlError(f"{path}:{number}: point is {point:g}; points count 0, 1, 2, ... from the base")
         instant = found[line].setdefault(time * scales["time"], {})
@@ -124,7 +124,7 @@ def _columns(path: Path, header: list[str], unit: str | None) -> tuple[dict[str,
                     f"{path} does not say its unit of length; write it into the headings, as in 'x [mm]', or give unit='mm'"
                 )
             if said not in known:
-                raise OctoctrlError(f"{path}: unknown unit '{said[:40]}' of {name}{suggest(said, known)} ({', '.join(known)})")
+                raise OctoctrlError(f"{path}: unknown unit '{brief(said)}' of {name}{suggest(said, known)} ({', '.join(known)})")
             scales[name] = known[said]
     missing = [name for name in COLUMNS if name not in places]
     if missing:
@@ -140,7 +140,9 @@ def _number(path: Path, number: int, row: list[str], place: int, name: str) -> f
     except ValueError:
         value = float("nan")
     if not isfinite(value):
-        raise OctoctrlError(f"{path}:{number}: {name} is '{cell[:40]}'; a finite number is needed (leave out instants that are not whole)")
+        raise OctoctrlError(
+            f"{path}:{number}: {name} is '{brief(cell)}'; a finite number is needed (leave out instants that are not whole)"
+        )
     return value
 
 

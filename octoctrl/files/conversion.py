@@ -18,7 +18,7 @@ from octoctrl.planners.asking.registry import goal_kinds, primitive_kinds
 from octoctrl.planners.asking.shares import Share
 from octoctrl.planners.asking.task import CHOOSE, Drive
 from octoctrl.planners.contracts import Goal
-from octoctrl.sim.errors import OctoctrlError, suggest
+from octoctrl.sim.errors import OctoctrlError, brief, suggest
 
 from .toml_source import Path, Source, found
 
@@ -123,7 +123,7 @@ def _build_table(classes: list[Any], table: Any, source: Source, path: Path, def
         known = {choice.__name__: choice for choice in _with_subclasses(classes)}
         name = next((word for word in known if word.lower() == str(table["kind"]).lower()), table["kind"])
         if name not in known:
-            raise OctoctrlError(f"{source.where((*path, 'kind'))}: unknown kind '{name}'{suggest(name, known)} ({', '.join(known)})")
+            raise OctoctrlError(f"{source.where((*path, 'kind'))}: unknown kind '{brief(name)}'{suggest(name, known)} ({', '.join(known)})")
         default, kind = default if known[name] is kind else None, known[name]
         table = {key: value for key, value in table.items() if key != "kind"}
     return _build_fields(kind, table, source, path, default)
@@ -177,7 +177,7 @@ def _build_drive(table: Any, source: Source, path: Path) -> Any:
 
 def _named(what: str, name: Any, kinds: Mapping[str, type], source: Source, path: Path) -> type:
     if not isinstance(name, str) or name not in kinds:
-        raise OctoctrlError(f"{source.where(path)}: unknown {what} '{name}'{suggest(name, kinds)} ({', '.join(kinds)})")
+        raise OctoctrlError(f"{source.where(path)}: unknown {what} '{brief(name)}'{suggest(name, kinds)} ({', '.join(kinds)})")
     return kinds[name]
 
 

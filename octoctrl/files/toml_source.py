@@ -4,7 +4,7 @@ import re
 import tomllib
 from typing import Any
 
-from octoctrl.sim.errors import OctoctrlError, suggest
+from octoctrl.sim.errors import OctoctrlError, brief, suggest
 
 Path = tuple[str | int, ...]
 """Keys and numbers of elements on the way to a value."""
@@ -147,17 +147,17 @@ def _element(target: Any, step: str | int, path: Path) -> str | int:
     if step in names:
         return names.index(step)
     known = ", ".join(name for name in names if name) or f"0 to {len(target) - 1}"
-    raise OctoctrlError(f"--set {dotted(path)}: no element '{step}'{suggest(step, names)} ({known})")
+    raise OctoctrlError(f"--set {dotted(path)}: no element '{brief(step)}'{suggest(step, names)} ({known})")
 
 
 def found(value: object) -> str:
     """Say what a `value` is, for "expected …, found …"."""
     if isinstance(value, str):
-        return f"the string {value!r}"
+        return f"the string {brief(repr(value))}"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):
         return f"the number {value:g}" if isinstance(value, float) or abs(value) < 1e300 else "a number beyond 1e300"
     if isinstance(value, dict | list):
         return "a table" if isinstance(value, dict) else "a list"
-    return f"{type(value).__name__} {value}"
+    return f"{type(value).__name__} {brief(value)}"

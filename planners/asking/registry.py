@@ -10,7 +10,7 @@ from dataclasses import fields, is_dataclass
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from octoctrl.sim.errors import OctoctrlError, suggest
+from octoctrl.sim.errors import OctoctrlError, brief, suggest
 from octoctrl.sim.registries import enter
 
 from ..contracts import Goal, Primitive
@@ -90,6 +90,8 @@ def _register(kind: Kind, what: str, name: str, table: dict[str, type]) -> Kind:
         raise OctoctrlError(f"{kind.__name__} has no quantity; write quantity: ClassVar[str] = ... in it")
     if not is_dataclass(kind):
         raise OctoctrlError(f"{kind.__name__} is not a dataclass; write @dataclass(frozen=True, kw_only=True) above it")
+    if not kind.__module__.startswith(f"{__package__}."):  # all of the package's own come first, so that theirs are the names
+        stored_kinds()
     enter({other.__name__: other for other in (*_PRIMITIVES.values(), *_GOALS.values(), *_PARTS.values())}, "class", kind.__name__, kind)
     enter(table, what, name, kind)
     return kind
@@ -159,9 +161,9 @@ def goal(quantity: str, **numbers: Any) -> Goal:
 
 def _make(what: str, kinds: Mapping[str, type], name: str, numbers: dict[str, Any]) -> Any:
     if name not in kinds:
-        raise OctoctrlError(f"unknown {what} '{name}'{suggest(name, kinds)} ({', '.join(kinds)})")
+        raise OctoctrlError(f"unknown {what} '{brief(name)}'{suggest(name, kinds)} ({', '.join(kinds)})")
     known = [item.name for item in fields(kinds[name])]
     for key in numbers:
         if key not in known:
-            raise OctoctrlError(f"{name} has no '{key}'{suggest(key, known)} ({', '.join(known)})")
+            raise OctoctrlError(f"{name} has no '{brief(key)}'{suggest(key, known)} ({', '.join(known)})")
     return kinds[name](**numbers)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from octoctrl.sim.annotations import made
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
-from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.errors import OctoctrlError, brief
 from octoctrl.sim.records import Record
 from octoctrl.sim.scene.scene import Scene
 
@@ -142,18 +142,20 @@ class IdentifiedModel(Record):
             if not content["arm"].isalnum():
                 raise ValueError("no fingerprint")
             if content["arm"] != arm.fingerprint:
+                other = brief(content["arm"])
                 raise OctoctrlError(
-                    f"{path}: identified for an arm with hash {content['arm']}, this arm '{arm.name}' has {arm.fingerprint}; identify again"
+                    f"{path}: identified for an arm with hash {other}, this arm '{arm.name}' has {arm.fingerprint}; identify again"
                 )
             listed = {name: {key: _tuple(value) for key, value in content[name].items()} for name in ("validity", "reach", "parameters")}
+            model = {
+                "arm": arm,
+                "scene": Scene() if scene is None else scene,
+                "laws": content["laws"],
+                "sections": content["sections"],
+                "parameters": made(ReducedParameters, listed["parameters"]),
+            }
             values = {
-                "model": ReducedModel(
-                    arm=arm,
-                    scene=Scene() if scene is None else scene,
-                    laws=content["laws"],
-                    sections=content["sections"],
-                    parameters=made(ReducedParameters, listed["parameters"]),
-                ),
+                "model": made(ReducedModel, model),
                 "names": tuple(content["names"]),
                 "covariance": np.array(content["covariance"], dtype=np.float64),
                 "residual_rms": content["residual_rms"],

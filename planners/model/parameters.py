@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from octoctrl.sim.errors import OctoctrlError, check_number, suggest
+from octoctrl.sim.errors import OctoctrlError, brief, check_number, suggest
 
 Floats = NDArray[np.float64]
 
@@ -100,5 +100,5 @@ def factor_indices(names: Sequence[str]) -> list[int]:
     """
     for name in names:
         if name not in FACTORS:
-            raise OctoctrlError(f"unknown factor '{name}'{suggest(name, FACTORS)} ({', '.join(FACTORS)})")
+            raise OctoctrlError(f"unknown factor '{brief(name)}'{suggest(name, FACTORS)} ({', '.join(FACTORS)})")
     return [FACTORS.index(name) for name in names]

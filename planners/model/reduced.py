@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
-from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
+from octoctrl.sim.errors import OctoctrlError, brief, check_choice, check_number
 from octoctrl.sim.records import Record
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.scene.scene import Scene
@@ -91,7 +91,7 @@ class ReducedModel:
         if self.scene.water is None or self.scene.water.factor == 0.0:
             raise OctoctrlError("the reduced model has no inertia and moves against drag; give the scene water with a factor above 0")
         if not isinstance(self.sections, Integral) or not 2 <= self.sections <= 40:
-            raise OctoctrlError(f"sections={self.sections!r}: a whole number from 2 to 40 is needed (8 advised)")
+            raise OctoctrlError(f"sections={brief(repr(self.sections))}: a whole number from 2 to 40 is needed (8 advised)")
 
     @property
     def edges(self) -> Floats:

@@ -390,4 +390,4 @@ def _plain(value: Any) -> Any:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300  # a whole number may be beyond floats

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..contracts import Floats
-from ..errors import OctoctrlError, check_choice, check_count, check_number
+from ..errors import OctoctrlError, brief, check_choice, check_count, check_number
 from ..records import Record
 from .layout import STRIDES
 
@@ -149,7 +149,7 @@ def finite_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     try:
         found = np.array(value, dtype=float)
     except (TypeError, ValueError):
-        raise OctoctrlError(f"{name}: expected numbers of shape {shape}, found {type(value).__name__} {str(value)[:40]}") from None
+        raise OctoctrlError(f"{name}: expected numbers of shape {shape}, found {type(value).__name__} {brief(value)}") from None
     if found.shape != shape:
         raise OctoctrlError(f"{name}: expected shape {shape}, found {found.shape}")
     if not np.isfinite(found).all():

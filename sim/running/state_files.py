@@ -6,7 +6,7 @@ from typing import Any
 
 from ..archives import read_archive, write_archive
 from ..contracts import State
-from ..errors import OctoctrlError
+from ..errors import OctoctrlError, brief
 from ..writing import check_target
 
 SCHEMA = 1
@@ -83,4 +83,5 @@ def check_identity(path: str | Path, found: Mapping[str, Any], identity: Mapping
     for name in dict.fromkeys((*identity, *found)):
         mine, theirs = identity.get(name, "none"), found.get(name, "none")
         if mine != theirs:
-            raise OctoctrlError(f"{path}: state has {name}={theirs}, this plant {name}={mine}; make the plant as it was when saved")
+            said = brief(name)
+            raise OctoctrlError(f"{path}: state has {said}={brief(theirs)}, this plant {said}={mine}; make the plant as it was when saved")
