@@ -6,7 +6,7 @@ import pytest
 import octoctrl as oc
 from octoctrl import tasks
 from octoctrl.planners.fitting.identified import load_identified
-from octoctrl.planners.following.watch import DOUBT, DRAG_DOUBT, EVIDENCE, KINSHIP, GroupWatch
+from octoctrl.planners.following.watch import AFTER_WORK, DOUBT, DRAG_DOUBT, EVIDENCE, KINSHIP, GroupWatch
 from octoctrl.planners.solving import planner
 from octoctrl.sim.running.sensors import Sensors
 
@@ -40,13 +40,56 @@ def test_no_evidence_without_effect():
     assert max(map(abs, watch.evidence().values())) < 1e-9 and watch.dead == ()
 
 
+def test_what_no_hypothesis_explains_counts_as_noise():
+    """The same ratio of densities, of wider noise: what the best hypothesis leaves, over the number of surprises."""
+    from scipy.stats import multivariate_normal
+
+    draw = np.random.default_rng(3)
+    effect, surprise = draw.normal(size=(40, 4)), 9.0 * draw.normal(size=40)
+    watch = GroupWatch(GROUPS)
+    watch.add(effect, surprise)
+    unit = [(surprise, np.eye(40) + effect @ prior() @ effect.T)]
+    for index in range(3):
+        others = np.delete(np.arange(4), index)
+        unit.append((surprise + effect[:, index], np.eye(40) + effect[:, others] @ prior()[np.ix_(others, others)] @ effect[:, others].T))
+    noise = min(rest @ np.linalg.solve(covariance, rest) for rest, covariance in unit) / 40
+    assert noise > 10
+    (_, spread), *rivals = unit
+    alive = multivariate_normal(cov=spread + (noise - 1) * np.eye(40)).logpdf(surprise)
+    for group, (rest, covariance) in zip(GROUPS, rivals, strict=True):
+        dead = multivariate_normal(cov=covariance + (noise - 1) * np.eye(40)).logpdf(rest)
+        assert watch.evidence()[group] == pytest.approx(dead - alive, abs=1e-9)
+
+
+def test_a_group_that_was_seen_to_work_is_not_called_dead_so_soon():
+    """The same evidence against two groups, of which one has worked before."""
+    doubtful = np.zeros((1, 4))
+    doubtful[0, 0] = 4.1  # dead: a surprise of -4.1; within the prior of the living by no more than a quarter of it
+    fresh, seasoned = GroupWatch(GROUPS), GroupWatch(GROUPS)
+    works = np.zeros((1, 4))
+    works[0, 0] = 12.0
+    for _ in range(3):
+        seasoned.add(works, np.zeros(1))
+    for _ in range(40):
+        seasoned.add(np.zeros((1, 4)), np.zeros(1))
+    for _ in range(3):
+        fresh.add(doubtful, -doubtful[:, 0])
+        seasoned.add(doubtful, -doubtful[:, 0])
+    assert seasoned.working == {"LM1"} and fresh.working == frozenset()
+    assert EVIDENCE < seasoned.evidence()["LM1"] < AFTER_WORK and seasoned.dead == ()
+    assert fresh.dead == ("LM1",)
+    for _ in range(12):
+        seasoned.add(3 * doubtful, -3 * doubtful[:, 0])
+    assert seasoned.dead == () or seasoned.evidence()["LM1"] > AFTER_WORK
+
+
 def test_a_group_that_dies_on_the_way_is_found_and_stays_named():
     draw, watch, found = np.random.default_rng(4), GroupWatch(GROUPS), []
     for period in range(60):
-        effect, errors = draw.normal(size=(8, 4)), np.array([0.1, 0.0 if period < 30 else -1.0, 0.05, 0.3])
+        effect, errors = 2 * draw.normal(size=(8, 4)), np.array([0.1, 0.0 if period < 30 else -1.0, 0.05, 0.3])
         watch.add(effect, effect @ errors + draw.normal(size=8))
         found.append(watch.dead)
-    assert found[29] == () and found[40] == ("LM2",) == found[-1]
+    assert found[29] == () and found[45] == ("LM2",) == found[-1]
 
 
 def test_a_state_is_all_that_is_remembered():

@@ -7,6 +7,10 @@ group is dead its own error is -1. The likelihood of r, theta integrated out, ne
     2 log p = -c + b' (K^-1 + A)^-1 b - log det(1 + K A) + constant,
 
 with b + A_g and c + 2 b_g + A_gg, g itself left out, for a dead group g. Old periods are forgotten: a group may also die on the way.
+
+Where even the best hypothesis leaves more than noise, the model is wrong in other ways than by gains and drag, and what it leaves is the
+noise of all: a dead group must explain what is seen, not only explain it less badly than its rivals. A group that has been seen to work
+must give much more evidence against itself, since a model that is wrong in places is likelier than a muscle that dies.
 """
 
 from collections.abc import Mapping
@@ -22,8 +26,8 @@ DOUBT, DRAG_DOUBT, KINSHIP = 0.25, 0.7, 0.9
 KEPT = 0.85
 """Weight of a period against the one after it."""
 
-EVIDENCE = 6.0
-"""Logarithm of the ratio of likelihoods from which a group is called dead."""
+EVIDENCE, AFTER_WORK = 6.0, 18.0
+"""Logarithm of the ratio of likelihoods from which a group is called dead, and the same once it has been seen to work."""
 
 
 class GroupWatch:
@@ -42,7 +46,9 @@ class GroupWatch:
         np.fill_diagonal(kin, 1.0)
         self._prior = np.zeros((count, count))
         self._prior[:-1, :-1], self._prior[-1, -1] = DOUBT**2 * kin, DRAG_DOUBT**2
-        self._matrix, self._pull, self._size = np.zeros((count, count)), np.zeros(count), 0.0
+        self._matrix, self._pull, self._size, self._count = np.zeros((count, count)), np.zeros(count), 0.0, 0.0
+        self.working: frozenset[str] = frozenset()
+        """Groups that have been seen to work."""
         self.dead: tuple[str, ...] = ()
         """In the order in which they were found."""
 
@@ -59,30 +65,53 @@ class GroupWatch:
         self._matrix = KEPT * self._matrix + effect.T @ effect
         self._pull = KEPT * self._pull + effect.T @ surprise
         self._size = KEPT * self._size + float(surprise @ surprise)
+        self._count = KEPT * self._count + len(surprise)
         evidence = self.evidence()
+        self.working |= {group for group, against in evidence.items() if against < -AFTER_WORK}
         worst = max(evidence, key=lambda group: evidence[group], default="")
-        if worst and evidence[worst] > EVIDENCE and worst not in self.dead:
+        if worst and worst not in self.dead and evidence[worst] > (AFTER_WORK if worst in self.working else EVIDENCE):
             self.dead = (*self.dead, worst)
 
     def evidence(self) -> dict[str, float]:
         """Logarithm of the likelihood that a group is dead over that none is, by group."""
-        alive, found = self._likelihood(self._pull, self._size, list(range(len(self._pull)))), {}
-        for index, group in enumerate(self.groups):
-            others = [other for other in range(len(self._pull)) if other != index]
-            size = self._size + 2 * self._pull[index] + self._matrix[index, index]
-            found[group] = self._likelihood(self._pull + self._matrix[:, index], size, others) - alive
-        return found
+        everything = list(range(len(self._pull)))
+        alive = (self._pull, self._size, everything)
+        dead = {
+            group: (
+                self._pull + self._matrix[:, index],
+                self._size + 2 * self._pull[index] + self._matrix[index, index],
+                [other for other in everything if other != index],
+            )
+            for index, group in enumerate(self.groups)
+        }
+        left = min(self._unexplained(*hypothesis, 1.0) for hypothesis in (alive, *dead.values()))
+        noise = max(1.0, left / max(self._count, 1.0))
+        reference = self._likelihood(*alive, noise)
+        return {group: self._likelihood(*hypothesis, noise) - reference for group, hypothesis in dead.items()}
 
-    def _likelihood(self, pull: Floats, size: float, free: list[int]) -> float:
-        matrix, prior, part = self._matrix[np.ix_(free, free)], self._prior[np.ix_(free, free)], pull[free]
-        explained = part @ np.linalg.solve(np.linalg.inv(prior) + matrix, part)
-        return float(-0.5 * (size - explained) - 0.5 * np.linalg.slogdet(np.eye(len(free)) + prior @ matrix)[1])
+    def _unexplained(self, pull: Floats, size: float, free: list[int], noise: float) -> float:
+        """Sum of squares that the errors of the `free` ones leave, in the variance `noise`."""
+        matrix, prior, part = self._matrix[np.ix_(free, free)] / noise, self._prior[np.ix_(free, free)], pull[free] / noise
+        return float(size / noise - part @ np.linalg.solve(np.linalg.inv(prior) + matrix, part))
+
+    def _likelihood(self, pull: Floats, size: float, free: list[int], noise: float) -> float:
+        matrix, prior = self._matrix[np.ix_(free, free)] / noise, self._prior[np.ix_(free, free)]
+        unexplained = self._unexplained(pull, size, free, noise)
+        return -0.5 * unexplained - 0.5 * float(np.linalg.slogdet(np.eye(len(free)) + prior @ matrix)[1])
 
     def state(self) -> dict[str, Any]:
         """All that it remembers."""
-        return {"matrix": self._matrix.copy(), "pull": self._pull.copy(), "size": self._size, "dead": list(self.dead)}
+        return {
+            "matrix": self._matrix.copy(),
+            "pull": self._pull.copy(),
+            "size": self._size,
+            "count": self._count,
+            "working": sorted(self.working),
+            "dead": list(self.dead),
+        }
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go to a `state` of a watch of the same groups."""
-        self._matrix, self._pull, self._size = state["matrix"].copy(), state["pull"].copy(), state["size"]
-        self.dead = tuple(state["dead"])
+        self._matrix, self._pull = state["matrix"].copy(), state["pull"].copy()
+        self._size, self._count = state["size"], state["count"]
+        self.working, self.dead = frozenset(state["working"]), tuple(state["dead"])
