@@ -1,6 +1,6 @@
 """Random episodes in every environment: does one fail, and how many steps are there to a second of processor time?
 
-    python benchmarks/environments.py [--episodes 1000] [--softrobot]
+    python benchmarks/environments.py [Coil Grasp ...] [--episodes 1000] [--softrobot]
 
 Beside it stands the compiled step alone, in the same run, and with ``--softrobot`` gym-softrobot, if it is installed.
 """
@@ -64,10 +64,12 @@ def softrobot_rate(seconds=5.0):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    known = {kind.__name__: kind for kind in ENVIRONMENTS}
+    parser.add_argument("environments", nargs="*", choices=known, help="all if none is named")
     parser.add_argument("--episodes", type=int, default=1000)
     parser.add_argument("--softrobot", action="store_true")
     options = parser.parse_args()
-    for kind in ENVIRONMENTS:
+    for kind in [known[name] for name in options.environments] or ENVIRONMENTS:
         before = kernel_rate()
         steps, unstable, reached, rate = episodes(kind, options.episodes)
         alone = (before + kernel_rate()) / 2

@@ -118,7 +118,17 @@ def _say_that_nothing_is_kept() -> None:
 
 
 class _Index(IndexDataCacheFile):
-    """Index of the code on disk; one that names types which have moved since it was written is as good as none."""
+    """Index of the code on disk; one that names types which have moved since it was written is as good as none.
+
+    Code lies under a name of its own. numba counts, so that a process could run the code of another that began before the source
+    was changed.
+    """
+
+    def save(self, key: tuple[Any, ...], data: Any) -> None:
+        """Keep the code `data` of a function of this `key`, first the code and then the entry that leads to it."""
+        name = f"{self._index_name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
+        self._save_data(name, data)
+        self._save_index(self._load_index() | {key: name})
 
     def _load_index(self) -> dict[Any, str]:
         try:

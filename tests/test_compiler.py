@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from octoctrl.sim.compiler import fingerprint, kernel
+from octoctrl.sim.compiler import _Index, fingerprint, kernel
 
 INNER = """
 from octoctrl.sim.compiler import kernel
@@ -134,6 +134,21 @@ def made(shift, factor=2.0):
         return called(x) + shift
 
     return outer
+
+
+def test_a_process_that_began_before_a_change_does_not_give_its_code_to_one_after_it(tmp_path):
+    """While the one keeps its code, the other keeps and loads its own."""
+    after, found = _Index(str(tmp_path), "f", "after"), []
+
+    class Before(_Index):
+        def _save_data(self, name, data):
+            after.save("new", "new code")
+            super()._save_data(name, data)
+            found.append(after.load("new"))
+
+    before = Before(str(tmp_path), "f", "before")
+    before.save("old", "old code")
+    assert found == ["new code"] and before.load("old") == "old code"
 
 
 def test_fingerprint_depends_on_closure_and_on_called_functions():
