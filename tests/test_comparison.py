@@ -65,7 +65,8 @@ def test_a_passage_counts_in_its_phase_and_on_a_sample():
     still = Motion(twist=((0.0, 0.0),), bend=((0.0, 0.0),))
     knots = np.array([[0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0], [0.0, -0.5, 0.0, -0.25, -0.5, -0.5, -0.3]])
     late = np.array([[0.0, 0.5, 1.0, 2.125, 3.0, 4.5, 6.0], knots[1]])
-    plan = plan_of(still, trace=TopologyTrace.from_lifted(time=knots[0], lifted_writhe=0 * knots[1], twist=knots[1]))
+    trace = TopologyTrace.from_lifted(time=knots[0], lifted_writhe=0 * knots[1], twist=knots[1])
+    plan = plan_of(still, time=knots[0], strains=still.strains(knots[0]), trace=trace)
     run = run_of(
         plan,
         recording_of(plan.arm, still, late[0]),

@@ -154,7 +154,13 @@ def test_commands_that_take_long_run(page, desk, capsys):
             runs([*words, "-f"] if words[0] in ("plan", "run") else words, capsys)
 
 
+NEEDS = {"live.md": "viser"}
+"""Packages of extras that the tests do without."""
+
+
 def run_python(page):
+    if page.name in NEEDS:
+        pytest.importorskip(NEEDS[page.name])
     if page.name == "README.md":  # which writes it
         Path("run.npz").unlink()
     import octoctrl as oc
