@@ -117,7 +117,7 @@ def write(path: Path, header: Mapping[str, Any], arrays: Mapping[str, NDArray[An
     OctoctrlError
         If an extra is missing, or it cannot be written.
     """
-    xarray = extra("io", "xarray", "h5netcdf")
+    xarray = extra("io", "xarray", "h5netcdf", "h5py")
     root = dataset(run)
     root.attrs |= {"octoctrl_version": header["versions"].get("octoctrl", "?"), "schema": header["schema"]}
     plan = xarray.Dataset(

@@ -131,7 +131,7 @@ def check_file(path: str | Path, *, overwrite: bool = False, run: bool = True) -
     """
     path = check_target(path, overwrite=overwrite, suffixes=(".npz", ".nc") if run else (".npz",))
     if path.suffix == ".nc":
-        extra("io", "xarray", "h5netcdf")
+        extra("io", "xarray", "h5netcdf", "h5py")
     return path
 
 
