@@ -163,7 +163,7 @@ def read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
     OctoctrlError
         If there is no such file, or an extra is missing.
     """
-    h5netcdf = extra("io", "h5netcdf")
+    h5netcdf = extra("io", "h5netcdf", "h5py")
     if not path.is_file():
         raise OctoctrlError(f"{path} does not exist")
     try:
