@@ -15,7 +15,9 @@ from conftest import ROOT
 from octoctrl import tasks
 from octoctrl.cli.application import app, main
 from octoctrl.cli.planning import origin_of
+from octoctrl.files import store
 from octoctrl.files.store import save
+from octoctrl.planners.asking import registry
 from octoctrl.sim.errors import OctoctrlError
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -152,6 +154,18 @@ def test_commands_that_take_long_run(page, desk, capsys):
             for name in targets(words):
                 Path(name).unlink(missing_ok=True)
             runs([*words, "-f"] if words[0] in ("plan", "run") else words, capsys)
+
+
+@pytest.fixture(autouse=True)
+def own_kinds():
+    """What the pages register is gone after each, or others could not have its names."""
+    tables = registry._PRIMITIVES, registry._GOALS, registry._PARTS, store._REGISTERED
+    before = [dict(table) for table in tables]
+    yield
+    for table, known in zip(tables, before, strict=True):
+        for name in set(table) - set(known):
+            if getattr(table[name], "__module__", "") == "page":
+                del table[name]
 
 
 NEEDS = {"live.md": "viser"}
