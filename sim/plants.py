@@ -72,6 +72,10 @@ def _assembly(arm: Arm, scene: Scene, **options: Any) -> Core:
     return AssemblyCore(arm, scene, **options)
 
 
+def _coarse(arm: Arm, scene: Scene, **options: Any) -> Core:
+    return _assembly(arm, scene, **{"ring_nodes": COARSE_RING} | options)
+
+
 def _mixed(arm: Arm, scene: Scene, **options: Any) -> Core:
     return _assembly(arm, scene, **{"precision": "mixed"} | options)
 
@@ -80,8 +84,10 @@ def _coarse_mixed(arm: Arm, scene: Scene, **options: Any) -> Core:
     return _coarse(arm, scene, **{"precision": "mixed"} | options)
 
 
-def _coarse(arm: Arm, scene: Scene, **options: Any) -> Core:
-    return _assembly(arm, scene, **{"ring_nodes": COARSE_RING} | options)
+def _full_arm(name: str, text: str, core: Callable[..., Core]) -> PlantRow:
+    """A row of the full arm, whatever its rings and its precision."""
+    stepper = "octoctrl.sim.assembly.stepping:assembly_stepper"
+    return PlantRow(name=name, text=text, core=core, modelled_as="assembly", first_time="about a minute", compiled=stepper)
 
 
 PLANTS: dict[str, PlantRow] = {
@@ -96,37 +102,11 @@ PLANTS: dict[str, PlantRow] = {
             law_of_each=True,
             compiled="octoctrl.sim.rod.stepping:muscular_stepper",
         ),
-        PlantRow(
-            name="assembly",
-            text="the full arm of 197 rods",
-            core=_assembly,
-            modelled_as="assembly",
-            first_time="about a minute",
-            compiled="octoctrl.sim.assembly.stepping:assembly_stepper",
-        ),
-        PlantRow(
-            name="assembly-coarse",
-            text="the full arm of 197 rods with coarse rings, in a third of the time",
-            core=_coarse,
-            modelled_as="assembly",
-            first_time="about a minute",
-            compiled="octoctrl.sim.assembly.stepping:assembly_stepper",
-        ),
-        PlantRow(
-            name="assembly-mixed",
-            text="the full arm of 197 rods in mixed precision, in half the time",
-            core=_mixed,
-            modelled_as="assembly",
-            first_time="about a minute",
-            compiled="octoctrl.sim.assembly.stepping:assembly_stepper",
-        ),
-        PlantRow(
-            name="assembly-coarse-mixed",
-            text="the full arm of 197 rods with coarse rings in mixed precision, in a sixth of the time",
-            core=_coarse_mixed,
-            modelled_as="assembly",
-            first_time="about a minute",
-            compiled="octoctrl.sim.assembly.stepping:assembly_stepper",
+        _full_arm("assembly", "the full arm of 197 rods", _assembly),
+        _full_arm("assembly-coarse", "the full arm of 197 rods with coarse rings, in a third of the time", _coarse),
+        _full_arm("assembly-mixed", "the full arm of 197 rods in mixed precision, in half the time", _mixed),
+        _full_arm(
+            "assembly-coarse-mixed", "the full arm of 197 rods with coarse rings in mixed precision, in a sixth of the time", _coarse_mixed
         ),
     )
 }

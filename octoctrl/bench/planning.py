@@ -94,7 +94,7 @@ def plans(*, full: bool = False, count: int | None = None, seed: int = 7) -> Tab
     Table
     """
     identified, rows = _ready(), []
-    number = (FULL_COUNT if full else COUNT) if count is None else count
+    number = _number(full, count)
     unit = _unit(identified)
     for kinds, label in ((OLD_KINDS, "old kinds"), (NEW_KINDS, "new kinds")):
         seen: dict[str, list[tuple[Plan, float]]] = {}
@@ -117,6 +117,11 @@ def plans(*, full: bool = False, count: int | None = None, seed: int = 7) -> Tab
         formats=("", *["d"] * 8, *[".2f"] * 3, "", ""),
         rows=tuple(rows),
     )  # fmt: skip
+
+
+def _number(full: bool, count: int | None) -> int:
+    """How many tasks are drawn."""
+    return (FULL_COUNT if full else COUNT) if count is None else count
 
 
 def _summary(name: str, group: list[tuple[Plan, float]], carried: bool) -> tuple[Any, ...]:
@@ -148,7 +153,7 @@ def choice(*, full: bool = False, count: int | None = None, seed: int = 7) -> Ta
     Table
     """
     identified = _ready()
-    number = (FULL_COUNT if full else COUNT) if count is None else count
+    number = _number(full, count)
     seen: dict[str, list[tuple[Plan, Plan, float]]] = {}
     named = [*_drawn(OLD_KINDS, number, seed, identified), ("coil", tasks.load("coil").task)]
     for kind, task in named:

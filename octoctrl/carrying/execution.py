@@ -55,8 +55,9 @@ def execute(
         The plan's own if omitted: a controller of `octoctrl.planners.following.controllers`, by name, or any object of its kind. A callable
         gets ``(time, observation)`` and returns the levels of the muscle groups: a dict of group to level, or an array (11,) or (11, n) in
         the order of `octoctrl.sim.body.arm.MUSCLE_GROUPS`. It replaces the plan's activation.
-    plant : Plant or {"rod", "assembly", "assembly-coarse"}, optional
-        A plant, which is reset, or the name of one for the plan's arm and scene; the one that the plan was made for if omitted.
+    plant : Plant or str, optional
+        A plant, which is reset, or the name of one of `octoctrl.sim.plants.PLANTS` for the plan's arm and scene; the one that the plan
+        was made for if omitted.
     period : float, optional, s
         Between corrections; the plan's own if omitted, or else the usual one of the plant, or `PERIOD`.
     patience : float, optional

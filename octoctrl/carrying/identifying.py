@@ -37,8 +37,8 @@ def identify(
         The octopus arm if omitted.
     scene : Scene, optional
         Its water is used.
-    plant : {"rod", "assembly", "assembly-coarse"}
-        What is moved; the full arm takes some three minutes.
+    plant : str
+        What is moved, by its name in `octoctrl.sim.plants.PLANTS`; the full arm takes some three minutes.
     path : str or Path, optional
         Where to keep the model (.json), to be passed to `plan`.
     overwrite : bool
@@ -107,8 +107,8 @@ def load_model(model: "str | Path | IdentifiedModel | None", arm: Arm, scene: Sc
         A file written by `identify`, such a model, or None for the one that comes with octoctrl.
     arm : Arm
     scene : Scene
-    plant : {"rod", "assembly", "assembly-coarse"}
-        What the model should describe.
+    plant : str
+        What the model should describe, by its name in `octoctrl.sim.plants.PLANTS`.
 
     Returns
     -------

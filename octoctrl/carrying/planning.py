@@ -39,8 +39,8 @@ def plan(
         In place of the configuration's.
     scene : Scene, optional
         In place of the configuration's.
-    plant : {"rod", "assembly", "assembly-coarse"}, optional
-        What the plan is for, in place of the configuration's.
+    plant : str, optional
+        What the plan is for, by its name in `octoctrl.sim.plants.PLANTS`, in place of the configuration's.
     model : str, Path or IdentifiedModel, optional
         The arm's reduced model as `octoctrl.carrying.identifying.identify` makes it; the one that comes with octoctrl if omitted.
     time_limit : float, s, optional

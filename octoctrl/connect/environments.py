@@ -83,7 +83,7 @@ class ArmEnv(_Env):
         self._seen = np.linspace(0, self.plant.elements, SEEN + 1).round().astype(int)[1:]
         groups = len(MUSCLE_GROUPS)
         high = np.concatenate(
-            [np.full(3 * SEEN, FARTHEST), np.full(3 * SEEN, FASTEST), np.ones(groups), np.full(2, 20.0), self.goal_bound()]
+            [np.full(3 * SEEN, FARTHEST), np.full(3 * SEEN, FASTEST), np.ones(groups), np.full(2, MOST_TURNS), self.goal_bound()]
         )
         low = np.concatenate([-high[: 6 * SEEN], np.zeros(groups), -high[6 * SEEN + groups :]])
         self.action_space = gymnasium.spaces.Box(0.0, 1.0, (groups,), np.float32)

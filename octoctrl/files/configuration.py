@@ -41,8 +41,8 @@ class RunSettings:
     ----------
     feedback : {"tvlqr", "mpc", "open-loop"}
         What corrects the activations while the plant moves.
-    plant : {"rod", "assembly", "assembly-coarse"}
-        What the plan is made for and carried out on: one rod, or the full arm of 197 rods.
+    plant : str
+        What the plan is made for and carried out on, by its name in `octoctrl.sim.plants.PLANTS`: one rod, or the full arm of 197 rods.
     period : float, s
         Between corrections; the plant's own if none.
     """

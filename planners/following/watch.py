@@ -44,8 +44,15 @@ class GroupWatch:
         kinds = np.array([group.strip("0123456789") for group in groups])
         kin = np.where(kinds[:, None] == kinds, KINSHIP, 0.0)
         np.fill_diagonal(kin, 1.0)
-        self._prior = np.zeros((count, count))
-        self._prior[:-1, :-1], self._prior[-1, -1] = DOUBT**2 * kin, DRAG_DOUBT**2
+        prior = np.zeros((count, count))
+        prior[:-1, :-1], prior[-1, -1] = DOUBT**2 * kin, DRAG_DOUBT**2
+        # One row for each hypothesis: that none is dead, then that each group is, whose own error is not free.
+        self._free = np.ones((count, count), dtype=bool)
+        self._free[1:, :-1] &= ~np.eye(count - 1, dtype=bool)
+        self._precision, self._spread = np.tile(np.eye(count), (count, 1, 1)), np.zeros(count)
+        for row, free in enumerate(self._free):
+            part = np.ix_(free, free)
+            self._precision[row][part], self._spread[row] = np.linalg.inv(prior[part]), np.linalg.slogdet(prior[part])[1]
         self._matrix, self._pull, self._size, self._count = np.zeros((count, count)), np.zeros(count), 0.0, 0.0
         self.working: frozenset[str] = frozenset()
         """Groups that have been seen to work."""
@@ -74,30 +81,22 @@ class GroupWatch:
 
     def evidence(self) -> dict[str, float]:
         """Logarithm of the likelihood that a group is dead over that none is, by group."""
-        everything = list(range(len(self._pull)))
-        alive = (self._pull, self._size, everything)
-        dead = {
-            group: (
-                self._pull + self._matrix[:, index],
-                self._size + 2 * self._pull[index] + self._matrix[index, index],
-                [other for other in everything if other != index],
-            )
-            for index, group in enumerate(self.groups)
-        }
-        left = min(self._unexplained(*hypothesis, 1.0) for hypothesis in (alive, *dead.values()))
-        noise = max(1.0, left / max(self._count, 1.0))
-        reference = self._likelihood(*alive, noise)
-        return {group: self._likelihood(*hypothesis, noise) - reference for group, hypothesis in dead.items()}
+        unexplained, likelihood = self._weighed(1.0)
+        noise = unexplained.min() / max(self._count, 1.0)
+        if noise > 1:
+            _, likelihood = self._weighed(noise)
+        return dict(zip(self.groups, (likelihood[1:] - likelihood[0]).tolist(), strict=True))
 
-    def _unexplained(self, pull: Floats, size: float, free: list[int], noise: float) -> float:
-        """Sum of squares that the errors of the `free` ones leave, in the variance `noise`."""
-        matrix, prior, part = self._matrix[np.ix_(free, free)] / noise, self._prior[np.ix_(free, free)], pull[free] / noise
-        return float(size / noise - part @ np.linalg.solve(np.linalg.inv(prior) + matrix, part))
-
-    def _likelihood(self, pull: Floats, size: float, free: list[int], noise: float) -> float:
-        matrix, prior = self._matrix[np.ix_(free, free)] / noise, self._prior[np.ix_(free, free)]
-        unexplained = self._unexplained(pull, size, free, noise)
-        return -0.5 * unexplained - 0.5 * float(np.linalg.slogdet(np.eye(len(free)) + prior @ matrix)[1])
+    def _weighed(self, noise: float) -> tuple[Floats, Floats]:
+        """What each hypothesis leaves as a sum of squares, and the logarithm of its likelihood, in the variance `noise`."""
+        free, groups = self._free, len(self.groups)
+        pull, size = np.tile(self._pull, (len(free), 1)), np.full(len(free), self._size)
+        pull[1:] += self._matrix[:groups]
+        size[1:] += 2 * self._pull[:groups] + self._matrix.diagonal()[:groups]
+        pull = np.where(free, pull, 0.0) / noise
+        sharpened = self._precision + np.where(free[:, :, None] & free[:, None, :], self._matrix, 0.0) / noise
+        unexplained = size / noise - (pull * np.linalg.solve(sharpened, pull[:, :, None])[:, :, 0]).sum(axis=1)
+        return unexplained, -0.5 * (unexplained + np.linalg.slogdet(sharpened)[1] + self._spread)
 
     def state(self) -> dict[str, Any]:
         """All that it remembers."""
