@@ -56,7 +56,7 @@ ROOMS = {
         "running": SIM_GROUND | {"body", "scene", "activation", "sources", "topology"},
         "contact": SIM_GROUND | {"scene", "physics"},
         "rod": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running", "contact"},
-        "assembly": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running"},
+        "assembly": SIM_GROUND | {"body", "scene", "activation", "sources", "topology", "physics", "running", "contact"},
         "plants": SIM_GROUND | {"body", "scene", "activation", "sources", "running", "rod", "assembly"},
     },
     "planners": {

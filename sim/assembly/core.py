@@ -31,6 +31,7 @@ from .diagnosis import cause
 from .energies import connections_of
 from .geometry import assembly_geometry, assembly_grid
 from .layout import AssemblyRow, SlabRow, SpokeRow
+from .surroundings import surroundings_of
 
 DEFAULT_SHARE, LARGEST_SHARE = 0.58, 0.695
 """Shares of the linear limit that a step takes, and may take: 50 and 60 of 86 microseconds for the published arm, where 70 diverges."""
@@ -44,14 +45,19 @@ STRAIGHT_SHOWN, OBLIQUE_SHOWN, RINGS_SHOWN = 46, 120, 30
 
 @cache
 def compiled(
-    grid: AssemblyGrid, inclination: float, published: bool = False, traits: Traits = PLAIN, loaded: bool = False
+    grid: AssemblyGrid,
+    inclination: float,
+    published: bool = False,
+    traits: Traits = PLAIN,
+    loaded: bool = False,
+    touching: bool = False,
 ) -> Callable[..., Any]:
     """The compiled loop of an assembly, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
     from .stepping import assembly_stepper
     from .terms import hydrostat_terms, published_terms
 
-    terms = published_terms(grid, traits, inclination, loaded) if published else hydrostat_terms(grid, traits, loaded)
-    return assembly_stepper(grid, terms, loaded)
+    terms = published_terms(grid, traits, inclination, loaded) if published else hydrostat_terms(grid, traits, loaded, touching)
+    return assembly_stepper(grid, terms, loaded, touching)
 
 
 def _at_spokes(levels: Floats, spokes: int) -> Floats:
@@ -118,8 +124,6 @@ class AssemblyCore:
         paper_compatible: bool = False,
         precision: Literal["double", "mixed"] = "double",
     ) -> None:
-        if scene.objects:
-            raise OctoctrlError(f"the full arm does not touch objects yet (found '{scene.objects[0].name}'); use the plant 'rod'")
         self.arm, self.scene, self.paper_compatible = arm, scene, paper_compatible
         anatomy = arm.anatomy
         if resting_tone is None:
@@ -155,6 +159,7 @@ class AssemblyCore:
         centre = MIDDLE if self.grid.single else 0.0
         laws = fibre_laws(arm, paper_compatible)
         self._laws = tuple(law_constants(law, viscosity=anatomy.viscosity, centre=centre) for law in laws)
+        self._around = surroundings_of(scene, self.geometry)
         self.rest()
 
     @property
@@ -177,6 +182,8 @@ class AssemblyCore:
     def rest(self) -> None:
         """Put the arm to rest, straight along +y."""
         set_rest(self.rods, self.geometry)
+        if self._around is not None:
+            self._around.rest()
 
     def shape(self) -> tuple[Floats, Floats, Floats]:
         """Points, frames and stretch of the nerve cord now."""
@@ -185,9 +192,10 @@ class AssemblyCore:
         return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self.geometry.straight.length[0]
 
     def series(self) -> State:
-        """Volume inside the rings over that at rest: ``volume`` of the whole, ``slab_volume`` of each slab (N,)."""
+        """Volume inside the rings over that at rest: ``volume`` of the whole, ``slab_volume`` of each slab (N,); each object's `Touch`."""
         series = self._volumes(connections_of(self.arm, self.geometry, self.rods).volumes()[None])
-        return {name: values[0] for name, values in series.items()}
+        touched = {} if self._around is None else self._around.now()
+        return {name: values[0] for name, values in series.items()} | touched
 
     def _volumes(self, volumes: Floats) -> dict[str, Floats]:
         rest = slab_volumes(self.geometry)
@@ -254,22 +262,42 @@ class AssemblyCore:
 
     def _move(self, first: int, inputs: State, clock: Clock, *, watch: bool) -> Motion:
         """Move on, with the guard after every sample or, if asked to `watch`, after every step."""
+        if self._around is None:
+            return self._go(first, inputs, clock, watch)
+
+        def go(part: slice) -> Motion:
+            return self._go(first + part.start, {name: values[part] for name, values in inputs.items()}, clock, watch)
+
+        return self._around.moved(first, len(inputs["arm"]) - 1, clock.sample, go)
+
+    def _go(self, first: int, inputs: State, clock: Clock, watch: bool) -> Motion:
         along, loads, n, rods = inputs["arm"], inputs.get("loads"), self.elements, self.rods
         samples = len(along) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         volumes = np.empty((samples, n))
         longitudinal, oblique, transverse = self._levels(inputs, clock.instants(first, samples))
+        around = self._around
+        world: Any = () if around is None else around.world.with_room(samples)
         with BUILDING:
-            step = compiled(self.grid, self.geometry.inclination, self.paper_compatible, self.arm.anatomy.traits, loads is not None)
+            step = compiled(
+                self.grid,
+                self.geometry.inclination,
+                self.paper_compatible,
+                self.arm.anatomy.traits,
+                loads is not None,
+                around is not None,
+            )
         if self.paper_compatible:
             set_filter_masks(rods)
         done, finding, family, where = step(
             rods.flat, self._rounded(self._h), clock.steps, longitudinal, oblique, transverse, self._rounded(self._laws),
             self._rounded(self._drag),
-            rods.ring_index, rods.helix_index, points, frames, stretch, volumes, *self._carried(loads), watch,
+            rods.ring_index, rods.helix_index, points, frames, stretch, volumes, *self._carried(loads), world, watch,
         )  # fmt: skip
         rod, element = self.place(family, int(where)) if finding else ("", 0)
         series = self._volumes(volumes[:done])
+        if around is not None:
+            series |= {name: values[:done] for name, values in around.series(world).items()}
         return Motion(points[:done], frames[:done], stretch[:done], series, Finding(finding), rod, element)
 
     def _rounded(self, numbers: Any) -> Any:
@@ -355,12 +383,16 @@ class AssemblyCore:
     def state(self) -> State:
         """Copies of the rows that hold the motion."""
         open_rods, rings = self.rods.state()
-        return {"open_rods": open_rods, "rings": rings}
+        motion = {"open_rods": open_rods, "rings": rings}
+        return motion if self._around is None else motion | self._around.state()
 
     def restore(self, state: State) -> None:
         """Write back what `state` returned, and clear what a diverged step may have left."""
         self.rods.restore((state["open_rods"], state["rings"]))
+        if self._around is not None:
+            self._around.restore(state)
 
     def identity(self) -> dict[str, Any]:
         """What a saved state must share."""
-        return {"elements": self.elements, "ring_nodes": self.grid.ring_nodes, "resting_tone": self.resting_tone}
+        known = {"elements": self.elements, "ring_nodes": self.grid.ring_nodes, "resting_tone": self.resting_tone}
+        return known | {"objects": repr(self.scene.objects)}

@@ -11,6 +11,9 @@ import numpy as np
 
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
+from ..contact.body_kernels import drift_bodies
+from ..contact.note_kernels import note
+from .contact_kernels import LOOK, contact_kernels
 from .family_kernels import family_kernels, family_offsets, position_kernels
 from .outside_kernels import outside_kernels
 from .pressure_kernels import pressure_kernels, slab_offsets
@@ -54,18 +57,18 @@ def mover(grid: AssemblyGrid) -> Any:
     return move
 
 
-def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False) -> Any:
+def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False, touching: bool = False) -> Any:
     """Compile the loop of an assembly.
 
     Returns
     -------
     advance : compiled function
         ``advance(buffer, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch,
-        volumes, loads, shares, outside, watch)`` with levels (samples + 1, straight rods, N), the cord's first, (samples + 1, 2, helix
-        elements) and (samples + 1, N), linear in time between samples; `loads` as in `octoctrl.sim.scene.loads.sampled_loads`, of which
-        each straight rod carries its `shares` (straight rods, N + 1); for the others see `Step`; `watch` asks for the guard at every
-        step. Fills the cord's nodes, frames and stretch and the slabs' volumes, (samples, N); returns
-        ``(samples done, finding, family, index in row)``.
+        volumes, loads, shares, outside, world, watch)`` with levels (samples + 1, straight rods, N), the cord's first, (samples + 1, 2,
+        helix elements) and (samples + 1, N), linear in time between samples; `loads` as in `octoctrl.sim.scene.loads.sampled_loads`, of
+        which each straight rod carries its `shares` (straight rods, N + 1); for the others see `Step`; `watch` asks for the guard at
+        every step. Of loads and bodies nothing is compiled where there are none. Fills the cord's nodes, frames and stretch and the
+        slabs' volumes, (samples, N); returns ``(samples done, finding, family, index in row)``.
     """
     o, g = family_offsets(grid, False), family_offsets(grid, True)
     lanes, count, ring_nodes, helices, helix_elements = grid.lanes, grid.rings, grid.ring_nodes, grid.helices, grid.helix_elements
@@ -81,6 +84,7 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False) -> 
     STRETCH, LENGTH, RING_STRETCH, RING_X = o["STRETCH"], o["LENGTH"], g["STRETCH"], g["X1"]
     VOLUME = slab_offsets(grid)["VOLUME"]
     find, _ = outside_kernels(grid)
+    look: Any = contact_kernels(grid)[0] if touching else None
     real, single = np.float32 if grid.single else np.float64, grid.single
     apart, straighten, straighten_rings = position_kernels(grid, False)[0], *(family_kernels(grid, k)["straighten"] for k in (False, True))
     LOW = tuple(o[f"LOW{i}"] for i in (1, 2, 3))
@@ -158,22 +162,31 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False) -> 
         loads: Any,
         shares: Any,
         outside: Any,
+        world: Any,
         watch: Any,
     ) -> Any:  # fmt: skip
-        step = Step(h, laws, drag, ring_index, helix_index, outside)
+        step = Step(h, laws, drag, ring_index, helix_index, outside, world)
         for sample in range(points.shape[0]):
             set_levels(b, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
             set_levels(b, AFTER, RING_AFTER, longitudinal[sample + 1], oblique[sample + 1], transverse[sample + 1])
             move(b, 0.5 * h)
+            if touching:
+                drift_bodies(world.bodies, np.float64(0.5 * h))
             for number in range(steps):
+                if touching and number % LOOK == 0:
+                    look(b, world, np.float64(LOOK * h))
                 if loaded:
                     find(b, outside, shares, loads[sample], loads[sample + 1], (number + 0.5) / steps)
                 force(b, real((number + 0.5) / steps), step)
                 move(b, h if number + 1 < steps else 0.5 * h)
+                if touching:
+                    drift_bodies(world.bodies, np.float64(h if number + 1 < steps else 0.5 * h))
                 if watch:
                     finding, family, where = guard(b)
                     if finding != FINE:
                         return sample, finding, family, where
+            if touching:
+                note(world, sample, np.float64(h), steps)
             finding, family, where = guard(b)
             if finding != FINE:
                 return sample, finding, family, where

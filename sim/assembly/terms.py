@@ -11,7 +11,9 @@ import numpy as np
 from ..body.anatomy import Traits
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
+from ..contact.body_kernels import kick_bodies
 from .between_kernels import between_kernels
+from .contact_kernels import contact_kernels
 from .crossing_kernels import crossing_kernels
 from .family_kernels import cord_brake, family_kernels, family_offsets, open_solver, ring_solver, ring_spin_brake
 from .joint_kernels import RESULTS, load_kernels, ring_joints
@@ -54,6 +56,8 @@ class Step(NamedTuple):
         Where the crossings find their nodes.
     outside : (3, straight rods * lanes) float64
         Forces of loads from outside on the nodes of cord and muscles, N, if there are any.
+    world : World or ()
+        Bodies to touch, if there are any, see `octoctrl.sim.contact.world`.
     """
 
     h: float
@@ -62,9 +66,10 @@ class Step(NamedTuple):
     ring_index: np.ndarray
     helix_index: np.ndarray
     outside: np.ndarray = NOTHING
+    world: Any = ()
 
 
-def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) -> Terms:
+def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, touching: bool = False) -> Terms:
     """Terms of the default numerics: joints with a potential, slabs that keep their volume, implicit muscle viscosity."""
     gather, (cord, neighbours), (ring_muscle, ring_ring) = gather_kernel(grid, False), side_kernels(grid, False), ring_joints(grid)
     beside, collect, (load, hand_on), share_out = (
@@ -120,7 +125,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) ->
     def project(b: Any, share: Any, step: Any) -> None:
         project_slabs(b, step.h)
 
-    return _slid(grid, traits, {
+    return _touched(grid, touching, _slid(grid, traits, {
         "strains": _strains(grid, rods, rings, rods["strain"], rings["strain"]),
         "crossings": _crossings(grid, False),
         "sides": sides,
@@ -135,7 +140,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False) ->
         "axial": _axial(grid, rods, rings),
         "smooth": smooth,
         "project": project,
-    })  # fmt: skip
+    }))  # fmt: skip
 
 
 def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, loaded: bool = False) -> Terms:
@@ -203,6 +208,29 @@ def _loads(grid: AssemblyGrid, loaded: bool) -> Terms:
         add(b, step.outside)
 
     return {"loads": loads}
+
+
+def _touched(grid: AssemblyGrid, touching: bool, terms: Terms) -> Terms:
+    """With impulses from bodies before the implicit axial step, and anchors that follow at the end, if there are bodies."""
+    if not touching:
+        return terms
+    _, exchange, go_along = contact_kernels(grid)
+
+    @kernel
+    def touch(b: Any, share: Any, step: Any) -> None:
+        kick_bodies(step.world.bodies, np.float64(step.h))
+        exchange(b, step.world, np.float64(step.h))
+
+    @kernel
+    def follow(b: Any, share: Any, step: Any) -> None:
+        go_along(b, step.world, np.float64(step.h))
+
+    touched = {}
+    for name, term in terms.items():
+        if name == "brakes":
+            touched["touch"] = touch
+        touched[name] = term
+    return touched | {"follow": follow}
 
 
 def _slid(grid: AssemblyGrid, traits: Traits, terms: Terms) -> Terms:

@@ -1,17 +1,18 @@
 """The objects of a scene during a run: from their rest through releases to what is recorded of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..contracts import Motion, joined
 from ..errors import OctoctrlError
 from ..scene.objects import Free, RigidObject
 from .bodies import release
 from .columns import Anchor, Body
 from .measures import gaps
-from .world import Points, World
+from .world import Nodes, Points, World
 
 Floats = NDArray[np.float64]
 
@@ -83,12 +84,12 @@ class Surroundings:
     ----------
     objects : sequence of RigidObject
         At least one.
-    points : Points
+    points : Points or Nodes
         Of the arm.
     water_density : float, kg/m^3
     """
 
-    def __init__(self, objects: Sequence[RigidObject], points: Points, *, water_density: float = 0.0) -> None:
+    def __init__(self, objects: Sequence[RigidObject], points: Points | Nodes, *, water_density: float = 0.0) -> None:
         self.objects, self.points, self.water_density = tuple(objects), points, water_density
         self.rest()
 
@@ -114,6 +115,32 @@ class Surroundings:
                     f"object '{item.name}' overlaps the arm at rest by {-1e3 * gap[worst]:.2g} mm, near ({where}) m; "
                     "move it or make it smaller"
                 )
+
+    def moved(self, first: int, samples: int, sample: float, go: Callable[[slice], Motion]) -> Motion:
+        """Go over so many samples of that many seconds, from number `first` on; objects are let go between two calls.
+
+        Parameters
+        ----------
+        first, samples : int
+        sample : float, s
+        go : callable
+            Moves over a part of the instants, samples + 1 of them.
+
+        Returns
+        -------
+        Motion
+            Of all parts.
+        """
+        motions: list[Motion] = []
+        done = 0
+        while done < samples:
+            self.release(first + done, sample)
+            free = self.before_release(first + done, sample)
+            motions.append(go(slice(done, (samples if free is None else min(samples, done + free)) + 1)))
+            done += len(motions[-1].points)
+            if motions[-1].finding:
+                break
+        return joined(motions)
 
     def before_release(self, first: int, sample: float) -> int | None:
         """Samples from number `first` to the next release of an object; None if there is none."""

@@ -38,38 +38,59 @@ class Points(NamedTuple):
     length: Floats
 
 
+class Nodes(NamedTuple):
+    """Nodes of the outermost rods of an assembly, P of them, each a ball.
+
+    Attributes
+    ----------
+    place : (P,) uint64
+        In a row of the open rods.
+    radius : (P,) float64, m
+    length : (P,) float64, m
+        Of the arm that a node stands for.
+    """
+
+    place: NDArray[np.uint64]
+    radius: Floats
+    length: Floats
+
+
 class World(NamedTuple):
     """Bodies and what the arm's points have to do with them; M bodies, P points, room for T samples of notes.
 
     Attributes
     ----------
-    points : Points
+    points : Points or Nodes
     bodies : (M, Body.WIDTH) float64
     anchors : (M, P, Anchor.WIDTH) float64
+    places : (4, P) float64, m
+        Points and radii when it was last looked which of them are near.
     near : (M, P) int64
-        Points that may meet each body in the present sample, and how many they are: `counts` (M,) int64.
+        Points that may meet each body until one looks again, and how many they are: `counts` (M,) int64.
     meetings : (M, P, 7) float64
         Normal, place and lever of these in the present step.
     notes : (T, M, Body.WIDTH) float64
         The bodies at the end of each sample.
     """
 
-    points: Points
+    points: Points | Nodes
     bodies: Floats
     anchors: Floats
+    places: Floats
     near: NDArray[np.int64]
     counts: NDArray[np.int64]
     meetings: Floats
     notes: Floats
 
     @classmethod
-    def of(cls, points: Points, objects: Sequence[RigidObject], *, water_density: float = 0.0) -> "World":
+    def of(cls, points: Points | Nodes, objects: Sequence[RigidObject], *, water_density: float = 0.0) -> "World":
         """The world at the begin."""
-        count, bodies = len(points.share), rows_of(objects, water_density=water_density)
+        count, bodies = len(points.radius), rows_of(objects, water_density=water_density)
         return cls(
             points=points,
             bodies=bodies,
             anchors=np.zeros((len(bodies), count, Anchor.WIDTH)),
+            places=np.zeros((4, count)),
             near=np.zeros((len(bodies), count), dtype=np.int64),
             counts=np.zeros(len(bodies), dtype=np.int64),
             meetings=np.zeros((len(bodies), count, 7)),

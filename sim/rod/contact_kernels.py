@@ -11,16 +11,12 @@ from ..compiler import kernel
 from ..contact.columns import Anchor, Body
 from ..contact.friction_kernels import follow as follow_point
 from ..contact.friction_kernels import touch as touch_point
+from ..contact.near_kernels import NEAR, find_near
 from ..contact.shape_kernels import distance
 from .layout import offsets
 
 ONE = np.uint64(1)
-POSITION, BOUND, STIFFNESS = int(Body.POSITION), int(Body.BOUND), int(Body.STIFFNESS)
-VELOCITY, NORMAL = int(Body.VELOCITY), int(Anchor.NORMAL)
-NEAR = 0.5e-3
-"""Gap (m) up to which the law is asked; above it nothing acts unless a force did in the step before."""
-LEAST_MARGIN = 1e-3
-"""Gap (m) within which a pair is watched during a sample, at least."""
+STIFFNESS, NORMAL = int(Body.STIFFNESS), int(Anchor.NORMAL)
 
 
 def rod_contact_kernels(stride, constant_section=False):
@@ -35,7 +31,7 @@ def rod_contact_kernels(stride, constant_section=False):
     Returns
     -------
     watch, touch, follow : compiled functions
-        ``watch(buffer, world, sample)`` lists the points that may meet each body within a sample (s);
+        ``watch(buffer, world, span)`` lists the points that may meet each body within a time (s);
         ``touch(buffer, world, h)`` exchanges impulses; ``follow`` with the same arguments moves anchors.
     """
     o = offsets(stride)
@@ -83,37 +79,14 @@ def rod_contact_kernels(stride, constant_section=False):
         )
 
     @kernel
-    def watch(b, world, sample):
-        points, bodies = world.points, world.bodies
-        fastest, widest = 0.0, 0.0
-        low1, low2, low3, high1, high2, high3 = np.inf, np.inf, np.inf, -np.inf, -np.inf, -np.inf
+    def watch(b, world, span):
+        points, places, fastest = world.points, world.places, 0.0
         for p in range(len(points.element)):
             k = points.element[p]
-            fastest, widest = max(fastest, b[V1 + k] ** 2 + b[V2 + k] ** 2 + b[V3 + k] ** 2), max(widest, points.radius[p])
-            x1, x2, x3 = place(b, k, points.share[p])
-            low1, low2, low3 = min(low1, x1), min(low2, x2), min(low3, x3)
-            high1, high2, high3 = max(high1, x1), max(high2, x2), max(high3, x3)
-        for j in range(bodies.shape[0]):
-            world.counts[j] = 0
-            quickest = bodies[j, VELOCITY] ** 2 + bodies[j, VELOCITY + 1] ** 2 + bodies[j, VELOCITY + 2] ** 2
-            margin = max(LEAST_MARGIN, 1.5 * sample * (np.sqrt(fastest) + np.sqrt(quickest)))
-            y1, y2, y3 = bodies[j, POSITION], bodies[j, POSITION + 1], bodies[j, POSITION + 2]
-            reach = bodies[j, BOUND] + 1.5 * widest + margin
-            # First the box of the whole arm.
-            if not (low1 - reach < y1 < high1 + reach and low2 - reach < y2 < high2 + reach and low3 - reach < y3 < high3 + reach):
-                if reach < np.inf:
-                    continue
-            body, near, count = bodies[j], world.near[j], 0
-            for p in range(len(points.element)):
-                x1, x2, x3 = place(b, points.element[p], points.share[p])
-                reach = body[BOUND] + 1.5 * points.radius[p] + margin
-                if (x1 - y1) ** 2 + (x2 - y2) ** 2 + (x3 - y3) ** 2 > reach * reach:
-                    continue
-                gap = distance(body, x1, x2, x3)[0]
-                if gap < 1.05 * present_radius(b, points, p, points.element[p]) + margin:
-                    near[count] = p
-                    count += 1
-            world.counts[j] = count
+            fastest = max(fastest, b[V1 + k] ** 2 + b[V2 + k] ** 2 + b[V3 + k] ** 2)
+            places[0, p], places[1, p], places[2, p] = place(b, k, points.share[p])
+            places[3, p] = present_radius(b, points, p, k)
+        find_near(world, np.sqrt(fastest), span)
 
     @kernel
     def touch(b, world, h):

@@ -12,7 +12,7 @@ from ..body.anatomy import OCTOPUS
 from ..body.arm import REST_FRAME, Arm
 from ..body.layout import MuscleLayout
 from ..compiler import BUILDING
-from ..contracts import Floats, Motion, State, joined
+from ..contracts import Floats, Motion, State
 from ..errors import OctoctrlError
 from ..findings import Finding, Stop
 from ..physics.fibre_kernels import law_constants
@@ -231,18 +231,12 @@ class RodCore:
         levels, loads, around = inputs["arm"], inputs.get("loads"), self._around
         if around is None:
             return self._move(levels, loads, clock.steps)
-        motions: list[Motion] = []
-        done = 0
-        while done < len(levels) - 1:
-            # An object is let go between two calls.
-            around.release(first + done, clock.sample)
-            free = around.before_release(first + done, clock.sample)
-            part = slice(done, len(levels) if free is None else min(len(levels), done + free + 1))
-            motions.append(self._move(levels[part], None if loads is None else loads[part], clock.steps))
-            done += len(motions[-1].points)
-            if motions[-1].finding:
-                break
-        return joined(motions)
+        return around.moved(
+            first,
+            len(levels) - 1,
+            clock.sample,
+            lambda part: self._move(levels[part], None if loads is None else loads[part], clock.steps),
+        )
 
     def _move(self, levels: Floats, loads: Floats | None, steps: int) -> Motion:
         n, samples = self.elements, len(levels) - 1
