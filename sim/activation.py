@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 COMPOSITIONS = ("override", "handover", "max", "add")
 WRITE_THRESHOLD = 2e-3
 """Values of a wave below this are not written when templates override each other (Tekinalp et al. 2024, released programmes)."""
+STEEPEST = 3.0
+"""To so many times its size a wave's level may grow along the arm."""
 
 
 def raised_cosine(math: Any, time: Any, onset: Any, duration: Any) -> Any:
@@ -119,6 +121,11 @@ class Wave:
     end_level : float
         Activation behind the second front.
     window : (float, float), m
+    profile : float
+        Exponent by which the level follows the radius of a tapering arm from the window's begin on: 0 leaves it the same all along, whose
+        curvature grows as the radius shrinks, 1 evens the curvature; negative ones let it grow, to three times its size at most.
+    apex : float, m
+        Arclength at which the arm would end if it tapered to nothing.
     """
 
     groups: tuple[str, ...]
@@ -129,6 +136,8 @@ class Wave:
     offset: float = inf
     end_level: float = 0.0
     window: tuple[float, float] = (0.0, inf)
+    profile: float = 0.0
+    apex: float = inf
 
     def __post_init__(self) -> None:
         _check_template(self)
@@ -138,16 +147,23 @@ class Wave:
             check_number("width", self.width, above=0.0, unit="m")
         if _is_number(self.end_level):
             check_number("end_level", self.end_level, at_least=0.0, at_most=1.0)
+        if _is_number(self.profile):
+            check_number("profile", self.profile, at_least=-2.0, at_most=4.0)
 
     def values(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
         start = self.window[0]
         first = front_coverage(math, start + self.speed * (time - self.onset), self.width, lower, upper)
         value = self.level * first
-        if _never(self.offset):
-            return value
-        second = front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
-        return value - (self.level - self.end_level) * second
+        if not _never(self.offset):
+            second = front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
+            value = value - (self.level - self.end_level) * second
+        return value if _never(self.apex) else value * self._slope(math, lower, upper)
+
+    def _slope(self, math: Any, lower: Any, upper: Any) -> Any:
+        """The level in the middle of each cell over that at the window's begin."""
+        radius = (self.apex - (lower + upper) / 2) / (self.apex - self.window[0])
+        return math.fmin(math.fmax(radius, 1e-9) ** self.profile, STEEPEST)
 
     def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """How much of what lies beneath it takes over when activations are handed over, from 0 to 1.

@@ -1,6 +1,6 @@
 import itertools
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import inf, pi
 
 import numpy as np
@@ -44,6 +44,11 @@ special = {
     "tip": st.fixed_dictionaries(common | {"value": vectors}),
     "tip_tangent": st.fixed_dictionaries(common | {"direction": st.permutations((0.0, 1.0, 0.0)).map(tuple)}),
     "keep_out": st.fixed_dictionaries(common | {"shape": bodies, "margin": positive}),
+    **{
+        name: st.builds(lambda some, target: some | target, st.fixed_dictionaries(common | {"object": names}), targets)
+        for name, kind in goal_kinds().items()
+        if "object" in {item.name for item in fields(kind)}
+    },
     "sucker_side": st.fixed_dictionaries(common | {"at_most": st.floats(-1, 1), "azimuth": finite}),
 }
 asked = {

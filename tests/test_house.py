@@ -31,6 +31,8 @@ VOCABULARY = {
     "topology",
     "running.recording",
     "running.observation",
+    "contact.hold",
+    "contact.measures",
 }
 """What the planners know of `sim`: never a plant."""
 ROOMS = {

@@ -14,6 +14,8 @@ from ..files.configuration import Configuration
 from ..progress import Progress
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from octoctrl.planners.fitting.identified import IdentifiedModel
 
 
@@ -26,10 +28,11 @@ def plan(
     model: "str | Path | IdentifiedModel | None" = None,
     time_limit: float | None = None,
     guess: Plan | None = None,
+    executor: "Executor | None" = None,
     progress: Progress | None = None,
     strict: bool = False,
 ) -> Plan:
-    """Plan a task on the reduced model of an arm.
+    """Plan a task: on the reduced model of an arm, or by simulating where its goals are about what the arm touches.
 
     Parameters
     ----------
@@ -47,6 +50,8 @@ def plan(
         Wall-clock limit, in place of the configuration's.
     guess : Plan, optional
         Where to start from; the task's own numbers if omitted.
+    executor : Executor, optional
+        Of `concurrent.futures`, or anything like it, over which tasks that touch something are searched; all cores if omitted.
     progress : Progress, optional
         Live display.
     strict : bool
@@ -70,12 +75,29 @@ def plan(
     arm = configuration.arm if arm is None else arm
     scene = configuration.scene if scene is None else scene
     identified = load_model(model, arm, scene, configuration.run.plant if plant is None else plant)
+    from octoctrl.planners.solving.grasping import is_simulated
+
+    limit = configuration.plan.time_limit if time_limit is None else time_limit
+    if is_simulated(configuration.task):
+        from .searching import plan_by_search
+
+        found = plan_by_search(
+            configuration.task,
+            identified.model,
+            plant=configuration.run.plant if plant is None else plant,
+            time_limit=limit,
+            seed=configuration.plan.seed,
+            executor=executor,
+            progress=progress,
+        )
+        found = replace(found, feedback=configuration.run.feedback, period=configuration.run.period)
+        return found.raise_if_failed() if strict else found
     from octoctrl.planners.solving import planner
 
     found = planner.plan(
         configuration.task,
         identified,
-        time_limit=configuration.plan.time_limit if time_limit is None else time_limit,
+        time_limit=limit,
         guess=guess,
         progress=progress,
     )

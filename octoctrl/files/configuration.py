@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from octoctrl.planners.asking.task import Task
 from octoctrl.planners.following.controllers import check_feedback
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.errors import check_number
+from octoctrl.sim.errors import check_count, check_number
 from octoctrl.sim.plants import check_plant
 from octoctrl.sim.scene.scene import Scene
 
@@ -25,12 +25,16 @@ class PlanSettings:
     ----------
     time_limit : float, s
         Wall-clock limit of the optimisation; the best plan so far is kept.
+    seed : int
+        Of the numbers that are drawn where a task is searched by simulating.
     """
 
     time_limit: float = 60.0
+    seed: int = 0
 
     def __post_init__(self) -> None:
         check_number("time_limit", self.time_limit, above=0.0, unit="s")
+        check_count("seed", self.seed, at_least=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -99,7 +99,8 @@ def _register(kind: Kind, what: str, name: str, table: dict[str, type]) -> Kind:
 
 def primitive_kinds() -> Mapping[str, type]:
     """Classes of primitives by name, in alphabetical order."""
-    importlib.import_module(".primitives", __package__)
+    for name in (".primitives", ".wrapping"):
+        importlib.import_module(name, __package__)
     return MappingProxyType(dict(sorted(_PRIMITIVES.items())))
 
 

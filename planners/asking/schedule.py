@@ -19,6 +19,8 @@ class Schedule:
     duration : float, s
     composition : {"override", "handover", "max", "add"}
         How activations that meet in one place combine; see `octoctrl.sim.activation.Activation`.
+    on_saturation : {"error", "clip"}
+        What to do where that exceeds 1.
 
     Raises
     ------
@@ -29,6 +31,7 @@ class Schedule:
     primitives: tuple[Primitive, ...]
     duration: float
     composition: str = "override"
+    on_saturation: str = "error"
 
     def __post_init__(self) -> None:
         if not self.primitives:
@@ -44,7 +47,7 @@ class Schedule:
     def activation(self) -> Activation:
         """The activation of the whole schedule."""
         templates = tuple(template for primitive in self.primitives for template in primitive.templates())
-        return Activation(templates=templates, composition=self.composition)
+        return Activation(templates=templates, composition=self.composition, on_saturation=self.on_saturation)
 
 
 def check_primitive(owner: str, primitive: object) -> None:

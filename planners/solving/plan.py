@@ -33,12 +33,15 @@ class PlanStatus(Enum):
     )
     OTHER_DRIVES = 'Not with these drives, but with others: take those named here, or leave them to the planner with drives = "choose".'
     UTURN = "Only past a U-turn of the tip, where the branch of writhe is chance: store twist first, or ask for less writhe."
+    HELD = "Held: every goal is met in a simulation of the plant itself; run it."
+    MISSED = "Missed: no candidate meets every goal in a simulation of the plant, which proves nothing; search longer or ask for less."
+    REFUSED = "Refused: the arm's and the object's sizes forbid it."
     TIME_LIMIT = "Stopped at the time limit: the best plan so far is kept; raise time_limit."
 
     @property
     def solved(self) -> bool:
-        """Whether every goal is met on the reduced model."""
-        return self in (PlanStatus.SOLVED, PlanStatus.DOUBTFUL)
+        """Whether every goal is met: on the reduced model, or in a simulation of the plant where that was searched."""
+        return self in (PlanStatus.SOLVED, PlanStatus.DOUBTFUL, PlanStatus.HELD)
 
 
 class PlanFailedError(RuntimeError):
@@ -112,6 +115,8 @@ class PlanReport:
         What of the motion lies outside of what the model was identified on.
     alternatives : tuple of Alternative
         Of a task that leaves its drives to the planner: what it found, the one with the fewest drives first, which is the plan's.
+    tried : tuple of str
+        Of a task that is searched by simulating: what each search tried, with its seed.
     starts, iterations : int
         Programmes from which the search began; iterations of search and optimiser.
     optimised : bool
@@ -136,6 +141,7 @@ class PlanReport:
     at_bounds: tuple[str, ...] = ()
     extrapolates: tuple[str, ...] = ()
     alternatives: tuple[Alternative, ...] = ()
+    tried: tuple[str, ...] = ()
     starts: int = 0
     iterations: int = 0
     optimised: bool = False
@@ -229,6 +235,7 @@ class Plan(Record):
             lines.append(f"  {name:{width}}{type(primitive).__name__:11}{groups:11}{cells}")
         for other in self.report.alternatives[1:]:
             lines.append(f" or with {other}")
+        lines += [f" {line}" for line in self.report.tried]
         lines.append(f" planning: {self.report.wall_time:.2f} s, {self.report.iterations} iterations")
         lines.append(" " + " ".join(filter(None, (self.status.value, self.report.reason))))
         return "\n".join(lines)

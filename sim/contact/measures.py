@@ -37,7 +37,7 @@ def winding(points: Floats, position: Floats, frame: Floats) -> Floats:
     (T,) float64, turns
         Positive for the sense of a right-handed turn about d3.
     """
-    return _turns(points, position, frame).sum(axis=1)
+    return turns(points, position, frame).sum(axis=1)
 
 
 def covered_winding(points: Floats, radius: Floats, item: RigidObject, position: Floats, frame: Floats) -> Floats:
@@ -61,7 +61,7 @@ def covered_winding(points: Floats, radius: Floats, item: RigidObject, position:
     if isinstance(item, Capsule | Cylinder):
         along = np.einsum("tkc,tc->tk", middle - position[:, None], frame[:, 2])
         on &= np.abs(along) <= item.length / 2
-    return np.asarray((_turns(points, position, frame) * on).sum(axis=1))
+    return np.asarray((turns(points, position, frame) * on).sum(axis=1))
 
 
 def gaps(points: Floats, item: RigidObject, position: Floats, frame: Floats) -> Floats:
@@ -72,7 +72,7 @@ def gaps(points: Floats, item: RigidObject, position: Floats, frame: Floats) -> 
     return found
 
 
-def _turns(points: Floats, position: Floats, frame: Floats) -> Floats:
+def turns(points: Floats, position: Floats, frame: Floats) -> Floats:
     """Turns (T, n) that each element makes about the axis."""
     local = np.einsum("tkc,tic->tki", points - position[:, None], frame[:, :2])
     angle = np.arctan2(local[..., 1], local[..., 0])

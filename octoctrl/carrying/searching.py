@@ -1,0 +1,386 @@
+"""Plan by simulating: phase by phase on the rod with all that it touches, then checked on the plant that is asked for.
+
+Where contact decides, no reduced model knows better than the simulation of one rod, which takes a tenth of a second for a grasp. Each phase
+is searched from the states in which the phase before ended, one for each scenario. What is found is carried out once on the plant itself,
+from rest, as planned; the next candidate follows where one misses. Only that decides what the plan is called.
+"""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from itertools import accumulate
+from time import perf_counter, process_time
+
+import numpy as np
+
+from octoctrl.planners.asking.task import Drive, Task
+from octoctrl.planners.asking.wrapping import Swing, TwistCurve, with_curve
+from octoctrl.planners.contracts import Floats, Primitive
+from octoctrl.planners.model.reduced import ReducedModel
+from octoctrl.planners.solving.cross_entropy import Candidate, Searched, search
+from octoctrl.planners.solving.grasping import FIRST_TWISTS, check_objects, grasp_drives, objects_held, too_short
+from octoctrl.planners.solving.plan import GoalReport, Plan, PlanReport, PlanStatus
+from octoctrl.planners.solving.scenarios import Scenario, four
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.contracts import State
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.plants import check_plant
+from octoctrl.sim.running.observation import Observation
+from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.topology.meter import Meter
+from octoctrl.sim.topology.trace import TopologyTrace
+
+from ..progress import NullProgress, Progress
+from .calibrating import twist_curve
+from .trials import Stage, misses, plant_for, schedule_of, since
+
+SEARCHED_ON = "rod"
+"""The plant on which is searched."""
+
+ENOUGH = 0.5
+"""Price of a candidate that needs no bettering: a grasp that covers a turn in the worst scenario."""
+
+GOOD = 0.9
+"""Price above which a search from other numbers follows."""
+
+SEARCHES, CANDIDATES, APART = 3, 3, 0.6
+"""Searches of a phase at most, candidates that are checked on the plant, and how far apart these lie, in first spreads."""
+
+EVERY = 5
+"""Recorded instants between those whose strains a plan keeps."""
+
+
+@dataclass(slots=True)
+class Work:
+    """What a search by simulation needs besides the task.
+
+    Attributes
+    ----------
+    arm : Arm
+    scene : Scene
+    executor : Executor
+    progress : Progress
+    limit : float, s
+        Wall clock.
+    seed : int
+    population, rounds : int
+        Of each search.
+    """
+
+    arm: Arm
+    scene: Scene
+    executor: Executor
+    progress: Progress
+    limit: float
+    seed: int
+    population: int = 18
+    rounds: int = 5
+    begin: float = field(default_factory=perf_counter)
+
+    def over(self) -> bool:
+        """Whether the time is up."""
+        return perf_counter() - self.begin > self.limit
+
+
+def plan_by_search(
+    task: Task,
+    model: ReducedModel,
+    *,
+    plant: str = SEARCHED_ON,
+    time_limit: float = 60.0,
+    seed: int = 0,
+    population: int = 18,
+    rounds: int = 5,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Plan:
+    """Plan a task whose goals are measured on recordings.
+
+    Parameters
+    ----------
+    task : Task
+        Its phases last as long as they say. Of drives that set in with a phase, the free numbers are searched with the goals of that
+        phase; a task that leaves its drives to the planner gets those of a grasp.
+    model : ReducedModel
+        Of the arm in its scene: by it the plan's shapes are kept, nothing is planned on it.
+    plant : str
+        On which the plan is checked and carried out.
+    time_limit : float, s
+        Wall clock of the search; what was found until then is checked.
+    seed : int
+    population, rounds : int
+        Of each search.
+    executor : Executor, optional
+        Of `concurrent.futures`, or anything like it; all cores of this machine if omitted. What is found does not depend on it.
+    progress : Progress, optional
+
+    Returns
+    -------
+    Plan
+        Held, missed or refused; interrupted by the user: the best of what was tried.
+
+    Raises
+    ------
+    OctoctrlError
+        If a goal names an object that the scene does not have, or the plant is unknown.
+    """
+    arm, scene, display = model.arm, model.scene, progress or NullProgress()
+    task = task.on(arm)
+    check_plant(plant)
+    check_objects(task, scene)
+    reason, begin, processor = too_short(task, arm, scene), perf_counter(), process_time()
+    if reason:
+        return _refused(task, model, reason, plant)
+    curve = twist_curve(arm, scene.water, SEARCHED_ON, progress=display)
+    own = curve if plant == SEARCHED_ON else twist_curve(arm, scene.water, plant, progress=display)
+    held: AbstractContextManager[Executor] = nullcontext(executor) if executor is not None else ThreadPoolExecutor(os.cpu_count())
+    with held as workers:
+        work = Work(arm, scene, workers, display, time_limit, seed, population, rounds)
+        found = _searched(task, work, curve)
+    searched = process_time() - processor
+    made = _checked(found, model, own, plant, display)
+    report = replace(
+        made.report, stages={"search": searched, "check": process_time() - processor - searched}, wall_time=perf_counter() - begin
+    )
+    return replace(made, report=report)
+
+
+@dataclass(frozen=True, slots=True)
+class Programme:
+    """A task with drives, and numbers for all of them: one list of primitives per phase."""
+
+    task: Task
+    numbers: dict[str, float]
+    primitives: tuple[Primitive, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Programmes to be checked, the most promising first, what was tried, and the price of the worst phase."""
+
+    programmes: list[Programme]
+    tried: tuple[str, ...]
+    count: int
+    price: float
+
+
+def begins_of(task: Task) -> dict[str, float]:
+    """When each phase of a `task` begins, s, if all last what they say."""
+    times = accumulate((phase.duration for phase in task.phases), initial=0.0)
+    return {phase.name: round(time, 9) for phase, time in zip(task.phases, times, strict=False)}
+
+
+def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
+    """Search phase by phase; of the last phase several candidates are kept."""
+    scenarios = _scenarios(task, work)
+    states: tuple[State | None, ...] = (None,) * len(scenarios)
+    settled: tuple[Primitive, ...] = ()
+    numbers: dict[str, float] = {}
+    tried: list[str] = []
+    count, worst = 0, 0.0
+    last: list[tuple[Stage, Candidate]] = []
+    for index, phase in enumerate(task.phases):
+        stages = [_stage(shaped, index, settled, work, scenarios, states, curve) for shaped in _starts(task, index, work)]
+        last, said, tries = _search_phase(stages, work, index)
+        tried += said
+        count += tries
+        stage, best = last[0]
+        task = stage.task
+        worst = max(worst, best.price)
+        if index < len(task.phases) - 1:
+            settled += stage.primitives(best.x)
+            numbers |= dict(zip(stage.unknowns.names, map(float, best.x), strict=True))
+            ended = stage.ended(best.x)
+            tried.append(
+                f"phase '{phase.name}': worst goal in tolerances, by scenario: "
+                + ", ".join(f"{max(item.misses, default=0.0):.2f}" for item in ended)
+            )
+            states = tuple(item.state or None for item in ended)
+    programmes = [
+        Programme(
+            stage.task,
+            numbers | dict(zip(stage.unknowns.names, map(float, item.x), strict=True)),
+            _in_order(stage.task, (*settled, *stage.primitives(item.x))),
+        )
+        for stage, item in last
+    ]
+    return Findings(programmes, tuple(tried), count, worst)
+
+
+def _in_order(task: Task, primitives: Sequence[Primitive]) -> tuple[Primitive, ...]:
+    """Primitives that were settled phase by phase, in the order of the task's drives."""
+    order = [drive for phase in task.phases for drive in task.drives if drive.begins == phase.name]
+    by_name = {drive.name: primitive for drive, primitive in zip(order, primitives, strict=True)}
+    return tuple(by_name[drive.name] for drive in task.drives)
+
+
+def _scenarios(task: Task, work: Work) -> tuple[Scenario, ...]:
+    """Four in which no object overlaps the arm at rest: directions are drawn until none does."""
+    draw, held = np.random.default_rng(work.seed), set(objects_held(task))
+    for _ in range(50):
+        found = four(draw)
+        try:
+            for scenario in found:
+                plant_for(SEARCHED_ON, work.arm, scenario.scene(work.scene, held))
+            return found
+        except OctoctrlError:
+            continue
+    plant_for(SEARCHED_ON, work.arm, work.scene)
+    return tuple(replace(scenario, shift=(0.0, 0.0, 0.0)) for scenario in four(draw))
+
+
+def _starts(task: Task, index: int, work: Work) -> list[Task]:
+    """The task with drives, once for each search of a phase that may be needed."""
+    if task.choose is not None and index == 0:
+        return [grasp_drives(task, work.arm, work.scene, start).on(work.arm) for start in range(len(FIRST_TWISTS))]
+    return [task] * SEARCHES
+
+
+def _stage(
+    task: Task,
+    index: int,
+    settled: tuple[Primitive, ...],
+    work: Work,
+    scenarios: tuple[Scenario, ...],
+    states: tuple[State | None, ...],
+    curve: TwistCurve,
+) -> Stage:
+    phase = task.phases[index]
+    drives: tuple[Drive, ...] = tuple(drive for drive in task.drives if drive.begins == phase.name)
+    return Stage(
+        task=task, phase=phase, begins=begins_of(task), drives=drives, settled=settled, arm=work.arm, scene=work.scene,
+        held=frozenset(objects_held(task)), scenarios=scenarios, states=states, plant=SEARCHED_ON, curve=curve,
+    )  # fmt: skip
+
+
+def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tuple[Stage, Candidate]], list[str], int]:
+    """Search a phase from one start after the other, until one is good; the best candidates that lie apart, and what was tried."""
+    found: list[tuple[Stage, Searched]] = []
+    name = stages[0].phase.name
+    if not stages[0].unknowns.names:
+        x = np.zeros(0)
+        return [(stages[0], Candidate(x, stages[0](x)))], [], 1
+    for number, stage in enumerate(stages):
+        work.progress.start(f"searching phase '{name}', start {number + 1}", float(work.population * work.rounds))
+        try:
+            result = search(
+                stage, stage.unknowns, work.executor, seed=work.seed + 1000 * index + number, population=work.population,
+                rounds=work.rounds, enough=ENOUGH * max(len(stage.phase.goals), 1), stop=work.over, progress=work.progress,
+            )  # fmt: skip
+        finally:
+            work.progress.stop()
+        if result.candidates:
+            found.append((stage, result))
+        if result.ended in ("interrupted", "the time was up") or (
+            result.candidates and result.best.price < GOOD * max(len(stage.phase.goals), 1)
+        ):
+            break
+    if not found:
+        raise OctoctrlError(f"nothing of phase '{name}' was tried within the time limit of {work.limit:g} s; raise time_limit")
+    ranked = sorted(((stage, item) for stage, result in found for item in result.apart(CANDIDATES, APART)), key=lambda pair: pair[1].price)
+    said = [f"phase '{name}', {result}" for _, result in found]
+    return ranked[:CANDIDATES], said, sum(len(result.candidates) for _, result in found)
+
+
+def _checked(found: Findings, model: ReducedModel, curve: TwistCurve, plant: str, progress: Progress) -> Plan:
+    """The first programme that meets every goal on the plant, or the one that comes nearest."""
+    best: tuple[float, Plan] | None = None
+    said = list(found.tried)
+    for number, programme in enumerate(found.programmes):
+        primitives = tuple(with_curve(item, curve) for item in programme.primitives)
+        progress.start(f"checking candidate {number + 1} on the plant '{plant}'", None)
+        try:
+            made, worst = _carried_out(programme, primitives, model, plant)
+        except PlantUnstableError as error:
+            said.append(f"candidate {number + 1} on the plant '{plant}': {error}")
+            continue
+        finally:
+            progress.stop()
+        said.append(f"candidate {number + 1} on the plant '{plant}': worst goal {worst:.2f} tolerances")
+        if best is None or worst < best[0]:
+            best = worst, made
+        if worst <= 1:
+            break
+    if best is None:
+        programme = found.programmes[0]
+        return _empty(programme.task, model, PlanStatus.MISSED, f"every candidate made the plant '{plant}' diverge", plant, tuple(said))
+    worst, made = best
+    missed = "; ".join(
+        f"phase '{item.phase}': {item.goal} is missed by {item.miss:.3g} {item.goal.unit}".rstrip()
+        for item in made.report.goals
+        if item.share > 1
+    )
+    report = replace(made.report, tried=tuple(said), starts=found.count, price=found.price, reason=missed)
+    return replace(made, report=report)
+
+
+def _carried_out(programme: Programme, primitives: tuple[Primitive, ...], model: ReducedModel, plant: str) -> tuple[Plan, float]:
+    """A plan of what the plant does under a programme, from rest and as planned, and its worst goal in tolerances."""
+    task, begins = programme.task, begins_of(programme.task)
+    duration = sum(phase.duration for phase in task.phases)
+    schedule = schedule_of(primitives, duration)
+    moved = plant_for(plant, model.arm, model.scene, 2)
+    moved.reset()
+    recording = moved.advance(schedule.activation(), duration)
+    goals: list[GoalReport] = []
+    for phase in task.phases:
+        begin = begins[phase.name]
+        part = since(recording, begin).until(begin + phase.duration)
+        shares = misses(phase, part, model.arm, task)
+        goals += [
+            GoalReport(phase=phase.name, goal=goal, miss=share * goal.tolerance) for goal, share in zip(phase.goals, shares, strict=True)
+        ]
+    worst = max((goal.share for goal in goals), default=0.0)
+    meter = Meter(task.convention)
+    meter.extend(recording.time, recording.points, recording.frames)
+    kept = np.unique([*range(0, len(recording.time), EVERY), len(recording.time) - 1])
+    made = Plan(
+        task=task,
+        model=model,
+        schedule=schedule,
+        phase_begins=begins,
+        time=recording.time[kept],
+        strains=strains_of(model, recording, kept, moved.edges),
+        trace=meter.trace.at(recording.time[kept]),
+        status=PlanStatus.HELD if worst <= 1 else PlanStatus.MISSED,
+        plant=plant,
+        feedback="open-loop",
+        report=PlanReport(numbers=programme.numbers, goals=tuple(goals), headroom=1.0 - float(recording.levels.max())),
+    )
+    return made, worst
+
+
+def strains_of(model: ReducedModel, recording: Recording, kept: Floats, edges: Floats) -> Floats:
+    """Section strains (T, S, 4) by the `model` of a `recording` at the instants `kept`, whose elements lie between `edges`."""
+    return np.array(
+        [
+            model.strains(
+                Observation(
+                    time=float(recording.time[index]), points=recording.points[index], frames=recording.frames[index],
+                    stations=recording.stations, edges=edges, stretch=recording.stretch[index],
+                    velocities=np.zeros_like(recording.points[index]), spins=np.zeros((len(edges) - 1, 3)),
+                )
+            )
+            for index in kept
+        ]
+    )  # fmt: skip
+
+
+def _refused(task: Task, model: ReducedModel, reason: str, plant: str) -> Plan:
+    return _empty(task, model, PlanStatus.REFUSED, reason, plant, ())
+
+
+def _empty(task: Task, model: ReducedModel, status: PlanStatus, reason: str, plant: str, tried: tuple[str, ...]) -> Plan:
+    """A plan that moves nothing, and says why."""
+    duration = sum(phase.duration for phase in task.phases)
+    zeros = np.zeros(2)
+    time = np.array([0.0, duration])
+    return Plan(
+        task=task, model=model, schedule=schedule_of((Swing(level=0.0, stop=model.arm.length),), duration), phase_begins=begins_of(task),
+        time=time, strains=np.stack([model.rest, model.rest]),
+        trace=TopologyTrace.from_lifted(time=time, lifted_writhe=zeros, twist=zeros, convention=task.convention),
+        status=status, plant=plant, feedback="open-loop", report=PlanReport(reason=reason, tried=tried),
+    )  # fmt: skip

@@ -1,0 +1,236 @@
+"""Trials: numbers of the drives of one phase, carried out on a plant from where the phase before ended, and what they come to.
+
+A trial is judged in several scenarios, each with a plant and a state of its own, by half the mean of the prices and half the worst of
+them; a bad scenario ends it. Plants are kept by the process or the thread that judges, for a search makes hundreds of trials.
+"""
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from octoctrl.planners.asking.goals.recorded import RecordedOutputs
+from octoctrl.planners.asking.goals.touching import log_share
+from octoctrl.planners.asking.schedule import Schedule
+from octoctrl.planners.asking.task import DELAY_BOUNDS, Drive, Phase, Task, miss_in_phase
+from octoctrl.planners.asking.wrapping import TwistCurve, with_curve
+from octoctrl.planners.contracts import Floats, Primitive, When
+from octoctrl.planners.solving.cross_entropy import Judgement, Unknowns
+from octoctrl.planners.solving.scenarios import Scenario
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.contact.surroundings import PREFIX, Touch
+from octoctrl.sim.contracts import State
+from octoctrl.sim.errors import PlantUnstableError
+from octoctrl.sim.plants import Plant, make_plant
+from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.topology.meter import Meter
+
+RECORD = 4
+"""Samples between recorded instants of a trial: 20 ms."""
+
+HOPELESS, LOST = 2.0, 9.0
+"""Price beyond which a trial is not tried in further scenarios, and price of a plant that diverged."""
+
+DEEP = 1e-3
+"""Depth of contact from which on it costs, m: real ones are ten times smaller."""
+
+SPREADS = {
+    "azimuth": 0.8, "level": 0.12, "profile": 0.6, "start": 0.03, "stop": 0.02, "speed": 0.04, "delay": 0.3, "turns": 0.15,
+    "lasts": 0.1, "rise": 0.3, "fall": 0.3,
+}  # fmt: skip
+"""How far a search looks at first, by the name of the number; of others a quarter of their range."""
+
+FARTHEST = {"start": 0.8, "stop": 1.0}
+"""Share of the arm up to which the ends of a window may be chosen."""
+
+_LOCAL = threading.local()
+
+
+def plant_for(plant: str, arm: Arm, scene: Scene, record_every: int = RECORD) -> Plant:
+    """The `plant` of this name for `arm` and `scene` that keeps every so many samples, `record_every`: the same one each time.
+
+    Each thread has its own.
+    """
+    plants: dict[Any, Plant] = _LOCAL.__dict__.setdefault("plants", {})
+    key = plant, arm, scene, record_every
+    if key not in plants:
+        if len(plants) > 64:  # of searches that are over
+            plants.clear()
+        plants[key] = make_plant(plant, arm, scene, record_every=record_every)
+    return plants[key]
+
+
+def schedule_of(primitives: tuple[Primitive, ...], duration: float) -> Schedule:
+    """A schedule of `primitives` that add up for a `duration`, s, kept below 1: how searched drives combine."""
+    return Schedule(primitives=primitives, duration=duration, composition="add", on_saturation="clip")
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """What became of a run: the recording of its last phase, misses of the phase's goals in tolerances, and the plant's state."""
+
+    recording: Recording
+    misses: tuple[float, ...]
+    state: State
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """One phase that is searched.
+
+    Attributes
+    ----------
+    task : Task
+    phase : Phase
+    begins : mapping of str to float, s
+        Of all phases.
+    drives : tuple of Drive
+        Those that set in with this phase.
+    settled : tuple of Primitive
+        Of the phases before.
+    arm : Arm
+    scene : Scene
+    held : frozenset of str
+        Names of the objects that the scenarios move.
+    scenarios : tuple of Scenario
+    states : tuple of State or None
+        From which each goes on; from rest where there is none.
+    plant : str
+    curve : TwistCurve
+        Of that plant.
+    hopeless : float
+    """
+
+    task: Task
+    phase: Phase
+    begins: Mapping[str, float]
+    drives: tuple[Drive, ...]
+    settled: tuple[Primitive, ...]
+    arm: Arm
+    scene: Scene
+    held: frozenset[str]
+    scenarios: tuple[Scenario, ...]
+    states: tuple[State | None, ...]
+    plant: str
+    curve: TwistCurve
+    hopeless: float = HOPELESS
+    names: tuple[tuple[int, str], ...] = field(init=False, default=())
+
+    def __post_init__(self) -> None:
+        free = tuple((index, name) for index, drive in enumerate(self.drives) for name in drive.free)
+        object.__setattr__(self, "names", free)
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """What is searched: the free numbers of the drives."""
+        rows = []
+        for index, name in self.names:
+            drive = self.drives[index]
+            low, high = (drive.primitive.bounds() | {"delay": DELAY_BOUNDS})[name]
+            if name in FARTHEST:
+                high = min(high, FARTHEST[name] * self.arm.length)
+            rows.append((drive.number(name), SPREADS.get(name, (high - low) / 4), low, high))
+        mean, spread, low_, high_ = np.array(rows).T if rows else np.zeros((4, 0))
+        labels = tuple(f"{self.drives[index].name}.{name}" for index, name in self.names)
+        return Unknowns(names=labels, mean=mean, spread=spread, low=low_, high=high_)
+
+    def primitives(self, x: Floats) -> tuple[Primitive, ...]:
+        """Those of the phase for numbers `x` (n,)."""
+        numbers: list[dict[str, float]] = [{} for _ in self.drives]
+        for (index, name), value in zip(self.names, x, strict=True):
+            numbers[index][name] = float(value)
+        return tuple(with_curve(drive.at(self.begins, given), self.curve) for drive, given in zip(self.drives, numbers, strict=True))
+
+    def scene_in(self, scenario: Scenario) -> Scene:
+        """The scene of a `scenario`."""
+        return scenario.scene(self.scene, set(self.held))
+
+    def run(self, x: Floats, number: int, record_every: int = RECORD) -> tuple[Recording, Plant]:
+        """The phase for numbers `x` in scenario `number`, recorded at `record_every`, and the plant at its end."""
+        scenario, state = self.scenarios[number], self.states[number]
+        plant = plant_for(self.plant, self.arm, self.scene_in(scenario), record_every)
+        plant.reset()
+        if state is not None:
+            plant.restore(state)
+        acting = tuple(scenario.primitive(item) for item in (*self.settled, *self.primitives(x)))
+        activation = schedule_of(acting, self.begins[self.phase.name] + self.phase.duration).activation()
+        return plant.advance(activation, self.phase.duration), plant
+
+    def price(self, recording: Recording) -> float:
+        """What the goals of the phase cost on a `recording` of it, and what sinks in too deep."""
+        total = sum(price_of(goal, recording, self.arm, self.task) for goal in self.phase.goals)
+        depth = max((float(values.deepest.max()) for values in touches(recording).values()), default=0.0)
+        return total + 1e3 * max(depth - DEEP, 0.0)
+
+    def __call__(self, x: Floats) -> Judgement:
+        """Judge numbers (n,) in all scenarios, as long as there is hope."""
+        prices: list[float] = []
+        for number in range(len(self.scenarios)):
+            try:
+                prices.append(self.price(self.run(x, number)[0]))
+            except PlantUnstableError:
+                prices.append(LOST)
+            if prices[-1] > self.hopeless:
+                break
+        tried = len(prices)
+        filled = prices + [max(prices) + 0.2] * (len(self.scenarios) - tried)
+        price = 0.5 * float(np.mean(filled)) + 0.5 * max(filled)
+        return Judgement(price=price, simulated=tried * self.phase.duration, runs=tried, notes=tuple(prices))
+
+    def ended(self, x: Floats) -> list[Ended]:
+        """The phase for numbers `x` in every scenario, with states at the end; one that diverges stays where it began."""
+        found = []
+        for number, state in enumerate(self.states):
+            try:
+                recording, plant = self.run(x, number)
+                found.append(Ended(recording, misses(self.phase, recording, self.arm, self.task), plant.state()))
+            except PlantUnstableError as error:
+                found.append(Ended(error.recording, (np.inf,) * max(len(self.phase.goals), 1), state or {}))
+        return found
+
+
+def touches(recording: Recording) -> dict[str, Touch]:
+    """All objects of a `recording`, by name."""
+    names = [name.removeprefix(PREFIX) for name in recording.series if name.startswith(PREFIX)]
+    return {name: Touch.of(recording.series, name) for name in names}
+
+
+def price_of(goal: Any, recording: Recording, arm: Arm, task: Task) -> float:
+    """What a `goal` of a `task` costs on the `recording` of its phase with this `arm`.
+
+    Its own price, or the logarithm of its largest miss in tolerances.
+    """
+    whole = goal.when is When.THROUGHOUT
+    kept = recording if whole else since(recording, recording.time[-1] - max(goal.hold, 0.4))
+    own: Callable[[RecordedOutputs], float] | None = getattr(goal, "price", None)
+    if own is not None:
+        return own(RecordedOutputs(kept, None, arm))  # type: ignore[arg-type]
+    return log_share(goal.miss(kept, _trace(kept, task), arm), goal.tolerance)
+
+
+def misses(phase: Phase, recording: Recording, arm: Arm, task: Task) -> tuple[float, ...]:
+    """By how many tolerances each goal of a `phase` of a `task` is missed on the `recording` of it, with this `arm`."""
+    begin, end = float(recording.time[0]), float(recording.time[-1])
+    trace = _trace(recording, task) if any(not getattr(goal, "simulated", False) for goal in phase.goals) else None
+    found = []
+    for goal in phase.goals:
+        missed = goal.miss(recording, trace, arm)  # type: ignore[arg-type]
+        found.append(miss_in_phase(goal, recording.time, missed, begin, end) / goal.tolerance)
+    return tuple(found)
+
+
+def since(recording: Recording, time: float) -> Recording:
+    """What of a `recording` is from a `time` on, s."""
+    keep = recording.time >= time - 1e-9
+    names = ("time", "points", "frames", "stretch", "levels")
+    series = {name: values[keep] for name, values in recording.series.items()}
+    return replace(recording, **{name: getattr(recording, name)[keep] for name in names}, series=series)
+
+
+def _trace(recording: Recording, task: Task) -> Any:
+    meter = Meter(task.convention)
+    meter.extend(recording.time, recording.points, recording.frames)
+    return meter.trace

@@ -1,0 +1,79 @@
+"""What goals about objects have in common: they are read on recordings alone, so that a plan for them is searched by simulating."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from octoctrl.sim.errors import OctoctrlError
+
+from ...contracts import Floats, Outputs
+from .measured import ScalarGoal
+from .recorded import RecordedOutputs
+
+if TYPE_CHECKING:
+    from octoctrl.sim.contact.hold import Hold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchingGoal(ScalarGoal):
+    """A goal for one number that is read of an object of the scene; a subclass reads it in `measured`.
+
+    Attributes
+    ----------
+    object : str
+        Its name in the scene.
+    """
+
+    simulated: ClassVar[bool] = True
+    object: str
+
+    def __str__(self) -> str:
+        return f"{ScalarGoal.__str__(self)} of '{self.object}'"
+
+    def measured(self, hold: "Hold", outputs: RecordedOutputs) -> Floats:
+        """The number, (T,), of how the object is held, and of what else the outputs say."""
+        raise NotImplementedError
+
+    def read(self, outputs: Outputs) -> Floats:
+        """The number, (T,), of the `outputs` of a recording.
+
+        Raises
+        ------
+        OctoctrlError
+            If they are those of the reduced model, which touches nothing.
+        """
+        recorded = on_recording(self, outputs)
+        return self.measured(hold_in(recorded, self.object), recorded)
+
+    def price(self, outputs: RecordedOutputs) -> float:
+        """What a search is to lessen, over the instants of `outputs`: by default the logarithm of the largest miss in tolerances."""
+        return log_share(self.residuals(outputs)[0], self.tolerance)
+
+
+def log_share(miss: Floats, tolerance: float) -> float:
+    """Price of a `miss` (T,): it still falls while it is far from the `tolerance`, and never grows beyond all bounds."""
+    return float(np.log1p(np.abs(miss).max() / tolerance))
+
+
+def on_recording(goal: object, outputs: Outputs) -> RecordedOutputs:
+    """The `outputs` of a recording, for a `goal` that is read on nothing else.
+
+    Raises
+    ------
+    OctoctrlError
+        If they are no recording's.
+    """
+    if not isinstance(outputs, RecordedOutputs):
+        raise OctoctrlError(
+            f"goal {goal} is read on recordings only, for the reduced model touches nothing; plan it by oc.plan, which simulates"
+        )
+    return outputs
+
+
+def hold_in(outputs: RecordedOutputs, name: str) -> "Hold":
+    """How the object called `name` is held in the recording of `outputs`."""
+    from octoctrl.sim.contact.hold import Hold
+
+    recording, arm = outputs.recording, outputs.arm
+    return Hold.of(recording, np.asarray(arm.section(recording.stations[1:-1]).outer_radius), name)

@@ -1,0 +1,255 @@
+"""Primitives that wind an arm round things: bends towards any azimuth, and twist in turns.
+
+A bend towards an azimuth shares its level among the longitudinal muscles by the cosine of the angle between them. Twist is asked for in
+turns, because levels belong to a plant and turns to a plan: a `TwistCurve`, measured on the plant, makes levels of them.
+"""
+
+from dataclasses import dataclass, replace
+from math import cos, inf, tau
+from typing import Any
+
+import numpy as np
+
+from octoctrl.sim.activation import Plateau, Template, Wave
+from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
+from octoctrl.sim.errors import OctoctrlError, check_number
+
+from ..contracts import Expression
+from .primitives import RAMP_BOUNDS
+from .registry import register_part, register_primitive
+from .shares import Length, Share, unresolved
+
+AZIMUTHS, LEVELS, SPEEDS, PROFILES = (-2 * tau, 2 * tau), (0.0, 0.8), (0.02, 0.35), (-0.5, 2.0)
+"""Ranges in which a search may choose."""
+
+LEAST_TURNS = 0.02
+"""Turns below which no twist is asked for: what the weakest levels give would be more."""
+
+TAPERS_OUT = Share(percent=1200 / 11)
+"""Where an arm that is twelve times as thick at its base as at its tip would end, if it tapered to nothing."""
+
+
+LEAST_WINDOW = 2e-3
+"""Length of arm on which a primitive acts at least, m, where a search chooses both ends."""
+
+
+NEARLY_ALL = Share(percent=98.35)
+"""Up to where a curl goes: the last elements are too thin to be told anything."""
+
+
+def window(start: Any, stop: Any) -> tuple[float, float]:
+    """The part of an arm from `start` to `stop`, m, or a little of it before `stop` if they come too near each other."""
+    return min(start, stop - LEAST_WINDOW), stop
+
+
+def shared_level(azimuth: float, level: float) -> dict[str, float]:
+    """Levels by longitudinal muscle that bend towards an `azimuth`, rad, from that of LM1 towards LM3, at most `level`."""
+    count = len(LONGITUDINAL_GROUPS)
+    shares = {name: level * cos(tau * index / count - azimuth) for index, name in enumerate(LONGITUDINAL_GROUPS)}
+    return {name: share for name, share in shares.items() if share > 1e-9}
+
+
+class _Bending:
+    """What bends towards an azimuth share."""
+
+    def _settle(self) -> None:
+        made: Any = self
+        for name in ("window", "span"):
+            if isinstance(getattr(made, name, None), list):
+                object.__setattr__(self, name, tuple(getattr(made, name)))
+        check_number("azimuth", made.azimuth, unit="rad")
+        if not unresolved(self):
+            made.templates()
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Ranges in which a search may choose."""
+        raise NotImplementedError
+
+    def effort(self, seconds: Expression) -> Expression:
+        """Squared level times the `seconds` for which it is on."""
+        made: Any = self
+        return made.level**2 * seconds
+
+
+@register_primitive
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curl(_Bending):
+    """A bend that spreads from `start` towards the tip at a `speed` and stays, or is followed by a second front.
+
+    Attributes
+    ----------
+    azimuth : float, rad
+        Side towards which it bends.
+    level : float
+        At the start.
+    profile : float
+        Exponent by which the level follows the arm's radius; see `octoctrl.sim.activation.Wave`.
+    start, stop : float, m
+        Arclengths between which it acts.
+    speed : float, m/s
+    onset : float, s
+    lasts : float, s
+        How long after the first front a second one follows that takes the level away; never if infinite.
+    offset : float, s
+        When a second front leaves the start, in place of that.
+    width : float, m
+        Of the fronts.
+    apex : float, m
+        Arclength at which the arm would end if it tapered to nothing.
+    """
+
+    azimuth: float = 0.0
+    level: float = 0.25
+    profile: float = 0.4
+    start: Length = 0.0
+    stop: Length = NEARLY_ALL
+    speed: float = 0.08
+    onset: float = 0.0
+    lasts: float = inf
+    offset: float = inf
+    width: float = 3e-3
+    apex: Length = TAPERS_OUT
+
+    def __post_init__(self) -> None:
+        self._settle()
+
+    def templates(self) -> tuple[Template, ...]:
+        """A wave on each muscle of the side."""
+        numbers = {name: getattr(self, name) for name in ("speed", "width", "onset", "profile", "apex")}
+        ends = min(self.offset, self.onset + self.lasts)
+        return tuple(
+            Wave(groups=(name,), level=level, offset=ends, window=window(self.start, self.stop), **numbers)
+            for name, level in shared_level(self.azimuth, self.level).items()
+        )
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Ranges in which a search may choose; the arm is taken to be half a metre long at most."""
+        ends = {"start": (0.0, 0.5), "stop": (0.01, 0.5)}
+        return {"azimuth": AZIMUTHS, "level": LEVELS, "profile": PROFILES, "speed": SPEEDS, "lasts": (0.1, 2.0), **ends}
+
+
+@register_primitive
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swing(_Bending):
+    """A bend of the part between `start` and `stop` at once.
+
+    Attributes
+    ----------
+    azimuth : float, rad
+    level : float
+    start, stop : float, m
+    onset, rise, offset, fall : float, s
+    """
+
+    azimuth: float = 0.0
+    level: float = 0.1
+    start: Length = 0.0
+    stop: Length = 0.04
+    onset: float = 0.0
+    rise: float = 0.5
+    offset: float = inf
+    fall: float = 0.5
+
+    def __post_init__(self) -> None:
+        self._settle()
+
+    def templates(self) -> tuple[Template, ...]:
+        """A plateau on each muscle of the side."""
+        numbers = {name: getattr(self, name) for name in ("onset", "rise", "offset", "fall")}
+        return tuple(
+            Plateau(groups=(name,), level=level, window=window(self.start, self.stop), **numbers)
+            for name, level in shared_level(self.azimuth, self.level).items()
+        )
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Ranges in which a search may choose."""
+        return {"azimuth": AZIMUTHS, "level": LEVELS, "start": (0.0, 0.5), "stop": (0.01, 0.5), "rise": RAMP_BOUNDS}
+
+
+@register_part
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwistCurve:
+    """What an oblique family's level stores, measured on a plant.
+
+    Attributes
+    ----------
+    levels : tuple of float
+        Ascending, the first 0.
+    turns : tuple of float, turns/m
+        Stored per length of the window, by either hand.
+    """
+
+    levels: tuple[float, ...]
+    turns: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if (
+            len(self.levels) != len(self.turns)
+            or len(self.levels) < 2
+            or (np.diff(self.levels) <= 0).any()
+            or (np.diff(self.turns) <= 0).any()
+        ):
+            raise OctoctrlError(f"twist curve: levels {self.levels} and turns {self.turns} must both rise, two of each at least")
+
+    def level(self, turns: float) -> float:
+        """Level that stores so many `turns` per metre; the largest where none does."""
+        return float(np.interp(abs(turns), self.turns, self.levels))
+
+
+@register_primitive
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreTwist:
+    """Store twist in a part of the arm, in turns; positive is left-handed, L-OM.
+
+    Attributes
+    ----------
+    turns : float, turns
+    start, stop : float, m
+    onset, rise, offset, fall : float, s
+    curve : TwistCurve, optional
+        Of the plant that it is carried out on; the planner fills it in.
+    """
+
+    turns: float = 0.0
+    start: Length = 0.0
+    stop: Length = 0.09
+    onset: float = 0.0
+    rise: float = 0.5
+    offset: float = inf
+    fall: float = 0.5
+    curve: TwistCurve | None = None
+
+    def __post_init__(self) -> None:
+        check_number("turns", self.turns, unit="turns")
+        if not unresolved(self):
+            self.templates()
+
+    @property
+    def level(self) -> float:
+        """Level of the oblique family."""
+        if abs(self.turns) < LEAST_TURNS:
+            return 0.0
+        if self.curve is None:
+            raise OctoctrlError(
+                "twist is asked for in turns, and what level gives them on this plant was not measured; plan the task again"
+            )
+        return self.curve.level(self.turns / max(float(self.stop) - float(self.start), LEAST_WINDOW))
+
+    def templates(self) -> tuple[Template, ...]:
+        """A plateau on one hand."""
+        level = self.level if self.curve is not None else 0.0
+        numbers = {name: getattr(self, name) for name in ("onset", "rise", "offset", "fall")}
+        return (Plateau(groups=("L-OM" if self.turns > 0 else "R-OM",), level=level, window=window(self.start, self.stop), **numbers),)
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Ranges in which a search may choose."""
+        return {"turns": (-0.9, 0.9), "start": (0.0, 0.5), "stop": (0.01, 0.5), "rise": RAMP_BOUNDS}
+
+    def effort(self, seconds: Expression) -> Expression:
+        """Squared level times the `seconds` for which it is on."""
+        return self.level**2 * seconds
+
+
+def with_curve(primitive: Any, curve: TwistCurve) -> Any:
+    """A primitive for the plant whose `curve` it is; the same `primitive` if it stores no twist in turns."""
+    return replace(primitive, curve=curve) if isinstance(primitive, StoreTwist) else primitive

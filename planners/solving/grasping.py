@@ -1,0 +1,144 @@
+"""How an arm may take hold of an object: whether it is long enough, and from which eleven numbers a search begins.
+
+The arm curls towards the object from a little before its nearest point on, twists so that it passes beside it in a helix, and leans with
+its base. All angles are those of the arm at rest, which leaves its base along +y.
+"""
+
+from dataclasses import replace
+from math import atan2, pi, tau
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.contact.hold import free_turns
+from octoctrl.sim.contact.measures import gaps
+from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, RigidObject, Sphere, frame_of
+from octoctrl.sim.scene.scene import Scene
+
+from ..asking.goals.covered_winding import CoveredWindingGoal
+from ..asking.task import Drive, Task
+from ..asking.wrapping import Curl, StoreTwist, Swing
+
+Floats = NDArray[np.float64]
+
+ENOUGH_TURNS = 1.25
+"""Turns for which the arm beyond the object must suffice: less is not held for long."""
+
+BEFORE = 0.05
+"""How far before the nearest point the curl begins, m."""
+
+FIRST_TWISTS = (0.0, 0.15, -0.15)
+"""Turns from which searches begin, one after the other."""
+
+
+def objects_held(task: Task) -> set[str]:
+    """Names of the objects that the goals of a task are about."""
+    return {str(goal.object) for phase in task.phases for goal in phase.goals if hasattr(goal, "object")}
+
+
+def is_simulated(task: Task) -> bool:
+    """Whether some goal of a task is read on recordings alone, so that the task is planned by simulating."""
+    return any(getattr(goal, "simulated", False) for phase in task.phases for goal in phase.goals)
+
+
+def check_objects(task: Task, scene: Scene) -> None:
+    """Check that the scene has the objects that the goals of a task name.
+
+    Raises
+    ------
+    OctoctrlError
+        If one is missing.
+    """
+    known = [item.name for item in scene.objects]
+    for name in sorted(objects_held(task)):
+        if name not in known:
+            raise OctoctrlError(
+                f"task '{task.name}': a goal is about object '{name}', which the scene does not have ({', '.join(known) or 'none'})"
+            )
+
+
+def nearest(arm: Arm, item: RigidObject) -> tuple[float, float, float]:
+    """Where an arm at rest is nearest to an object: arclength (m), gap (m), and the azimuth towards it (rad)."""
+    s = np.linspace(0.0, arm.length, 401)
+    places = np.stack([np.zeros_like(s), s, np.zeros_like(s)], axis=1)
+    gap = gaps(places[None], item, np.array([item.position]), frame_of(item)[None])[0] - np.asarray(arm.section(s).outer_radius)
+    index = int(gap.argmin())
+    towards = _closest(item, places[index]) - places[index]
+    return float(s[index]), float(gap[index]), atan2(towards[2], towards[0])
+
+
+def _closest(item: RigidObject, place: Floats) -> Floats:
+    """The point of an object's axis that is nearest to a place; its centre if it has none."""
+    centre = np.asarray(item.position, dtype=float)
+    if not isinstance(item, Capsule | Cylinder):
+        return centre
+    axis = frame_of(item)[2]
+    along = float(np.clip((place - centre) @ axis, -item.length / 2, item.length / 2))
+    return np.asarray(centre + along * axis)
+
+
+def girth(item: RigidObject) -> float:
+    """Radius of the circle that is as long as the way round an object, m."""
+    if isinstance(item, Box):
+        a, b, _ = item.size
+        return (a + b) / pi
+    return float(item.radius) if isinstance(item, Sphere | Capsule | Cylinder) else float("inf")
+
+
+def too_short(task: Task, arm: Arm, scene: Scene) -> str:
+    """Why the arm cannot wind round what it is to wind round, or nothing.
+
+    The rest of the arm beyond the point of first touch must go round ``ENOUGH_TURNS`` times, its own mean radius included.
+    """
+    items = {item.name: item for item in scene.objects}
+    for phase in task.phases:
+        for goal in phase.goals:
+            if not isinstance(goal, CoveredWindingGoal) or goal.band[0] <= 0:
+                continue
+            item = items[goal.object]
+            place, _, _ = nearest(arm, item)
+            rest = np.linspace(place, arm.length, 50)
+            radius = girth(item) + float(np.mean(np.asarray(arm.section(rest).outer_radius)))
+            turns = free_turns(arm.length, place, radius)
+            if turns < ENOUGH_TURNS:
+                return (
+                    f"beyond {1e3 * place:.0f} mm, where it meets '{item.name}', the arm goes round it {turns:.2f} times at most, and "
+                    f"{ENOUGH_TURNS} are needed to hold it; give a thinner object, or one nearer to the base"
+                )
+    return ""
+
+
+def grasp_drives(task: Task, arm: Arm, scene: Scene, start: int = 0) -> Task:
+    """A task with the drives of a grasp, from which the search with number `start` begins.
+
+    Parameters
+    ----------
+    task : Task
+        Whose first goal of covered winding names the object; it leaves its drives to the planner.
+    arm : Arm
+    scene : Scene
+    start : int
+
+    Raises
+    ------
+    OctoctrlError
+        If no goal is of covered winding.
+    """
+    wanted = [(phase.name, goal) for phase in task.phases for goal in phase.goals if isinstance(goal, CoveredWindingGoal)]
+    if not wanted:
+        raise OctoctrlError(f"task '{task.name}': drives can be chosen for a grasp only, by a goal of covered_winding; give drives")
+    item = next(item for item in scene.objects if item.name == wanted[0][1].object)
+    place, _, azimuth = nearest(arm, item)
+    first = task.phases[0].name
+    scale = arm.length / 0.2
+    curl = Curl(azimuth=azimuth, level=0.25, profile=0.4, start=max(place - BEFORE * scale, 0.0), speed=0.08)
+    twist = StoreTwist(turns=FIRST_TWISTS[start % len(FIRST_TWISTS)], stop=0.09 * scale)
+    lean = Swing(azimuth=(azimuth + 1.5 * pi) % tau - pi / 2, level=0.0, stop=0.04 * scale)
+    drives = (
+        Drive(name="curl", primitive=curl, begins=first, free=("azimuth", "level", "profile", "start", "speed", "delay"), delay=0.5),
+        Drive(name="twist", primitive=twist, begins=first, free=("turns", "stop")),
+        Drive(name="lean", primitive=lean, begins=first, free=("azimuth", "level", "stop")),
+    )
+    return replace(task, drives=drives, choose=None)

@@ -1,0 +1,118 @@
+"""What a recording says of how an arm holds one object: read from the recording alone, in which every object is noted with its shape."""
+
+from dataclasses import dataclass
+from math import tau
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.objects import SHAPES, Box, Capsule, Cylinder, Plane, RigidObject, Sphere
+from .columns import Body
+from .measures import COVERED, gaps, turns
+from .surroundings import PREFIX, Touch
+
+Floats = NDArray[np.float64]
+
+FADES = 0.01
+"""Gap (m) over which an element's turn about the object counts by 1/e less in the `Hold.near` winding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """One object and an arm of n elements over T instants.
+
+    Attributes
+    ----------
+    touch : Touch
+        Pose and forces.
+    gap : (T, n) float64, m
+        Between the surface of each element and the object's, negative where they overlap.
+    along : (T, n) float64, m
+        Place of each element along the object's axis, from its centre.
+    beyond : (T, n) float64, m
+        By how much that place is past the object's ends.
+    turned : (T, n) float64, turns
+        That each element makes about the axis, positive in the sense of a right-handed turn.
+    """
+
+    touch: Touch
+    gap: Floats
+    along: Floats
+    beyond: Floats
+    turned: Floats
+
+    @classmethod
+    def of(cls, recording: Any, radius: Floats, name: str) -> "Hold":
+        """How the object called `name` was held.
+
+        Parameters
+        ----------
+        recording : Recording
+        radius : (n,) float64, m
+            Of the arm's elements at rest.
+        name : str
+
+        Raises
+        ------
+        OctoctrlError
+            If nothing of the object was recorded.
+        """
+        touch = Touch.of(recording.series, name)
+        item = recorded_object(recording.series[PREFIX + name][0], name)
+        middle = (recording.points[:, 1:] + recording.points[:, :-1]) / 2
+        along = np.einsum("tkc,tc->tk", middle - touch.position[:, None], touch.frame[:, 2])
+        half = item.length / 2 if isinstance(item, Capsule | Cylinder) else np.inf
+        return cls(
+            touch=touch,
+            gap=gaps(middle, item, touch.position, touch.frame) - radius,
+            along=along,
+            beyond=np.maximum(np.abs(along) - half, 0.0),
+            turned=turns(recording.points, touch.position, touch.frame),
+        )
+
+    @property
+    def winding(self) -> Floats:
+        """Turns of the whole arm about the object's axis, (T,)."""
+        return np.asarray(self.turned.sum(axis=1))
+
+    @property
+    def covered(self) -> Floats:
+        """Turns of the elements that lie on the object, within its length, (T,)."""
+        return np.asarray((self.turned * ((self.gap < COVERED) & (self.beyond == 0))).sum(axis=1))
+
+    @property
+    def near(self) -> Floats:
+        """Turns of all elements, each the less the farther it is from the object, (T,): a slope towards it before anything touches."""
+        return np.asarray((self.turned * np.exp(-np.maximum(self.gap, 0.0) / FADES)).sum(axis=1))
+
+    @property
+    def spun(self) -> Floats:
+        """Angle (T,), rad, by which the axis has turned since the first instant, in the plane in which it turned most, unwrapped."""
+        axis = self.touch.frame[:, 2]
+        first = axis[0]
+        aside = axis - (axis @ first)[:, None] * first
+        _, _, directions = np.linalg.svd(aside, full_matrices=False)
+        angle = np.unwrap(np.arctan2(aside @ directions[0], axis @ first))
+        return np.asarray(np.abs(angle - angle[0]))
+
+
+def recorded_object(row: Floats, name: str) -> RigidObject:
+    """The object whose shape and sizes a `row` of a recording holds, fixed where it was, under its `name`."""
+    kind = list(SHAPES.values())[int(row[Body.SHAPE])]
+    first, second, third = (float(size) for size in row[Body.SIZE : Body.SIZE + 3])
+    x, y, z = (float(value) for value in row[Body.POSITION : Body.POSITION + 3])
+    a, b, c = (float(value) for value in row[Body.FRAME + 6 : Body.FRAME + 9])
+    placed: dict[str, Any] = {"name": name, "position": (x, y, z), "axis": (a, b, c)}
+    if kind is Sphere:
+        return Sphere(radius=first, **placed)
+    if kind is Box:
+        return Box(size=(2 * first, 2 * second, 2 * third), **placed)
+    if kind is Plane:
+        return Plane(**placed)
+    return (Capsule if kind is Capsule else Cylinder)(radius=first, length=2 * second, **placed)
+
+
+def free_turns(length: float, arclength: float, radius: float) -> float:
+    """Turns for which the rest of an arm of `length` beyond an `arclength` suffices, about a circle of `radius`, all m."""
+    return (length - arclength) / (tau * radius)

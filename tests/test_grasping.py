@@ -1,0 +1,234 @@
+"""Plans for what touches: primitives in azimuths and turns, what is read of a hold, scenarios, and a search from task to verdict."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import octoctrl as oc
+from octoctrl.carrying import calibrating
+from octoctrl.carrying.searching import plan_by_search
+from octoctrl.planners.asking.goals.recorded import RecordedOutputs
+from octoctrl.planners.asking.goals.touching import hold_in
+from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve, shared_level
+from octoctrl.planners.solving.grasping import grasp_drives, nearest, too_short
+from octoctrl.planners.solving.plan import PlanStatus
+from octoctrl.planners.solving.scenarios import Scenario, four
+from octoctrl.sim.activation import Wave
+from octoctrl.sim.contact.bodies import rows_of
+from octoctrl.sim.contact.hold import Hold, recorded_object
+from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Plane, Sphere, frame_of
+from octoctrl.sim.topology.measures import present_of_frames
+
+ARM = oc.Arm.octopus()
+POST = Capsule(name="post", radius=8e-3, length=0.08, position=(-0.022, 0.06, -0.01), axis=(0, 0.5, 1))
+CURVE = TwistCurve(levels=(0.0, 0.1, 0.3), turns=(0.0, 2.0, 4.0))
+
+
+# ---------------------------------------------------------------- primitives
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 1.0, 2.5, -2.0])
+def test_a_bend_goes_towards_its_azimuth(azimuth):
+    run = oc.make_plant("rod").advance(
+        oc.Schedule(primitives=(Swing(azimuth=azimuth, level=0.1, stop=0.15),), duration=1.5).activation(), 1.5
+    )
+    x, _, z = run.points[-1, -1]
+    assert np.hypot(x, z) > 0.03
+    assert np.cos(np.arctan2(z, x) - azimuth) > 0.995
+
+
+def test_levels_are_shared_by_the_cosine():
+    found = shared_level(np.pi / 4, 0.4)
+    assert set(found) == {"LM1", "LM2", "LM3"}
+    assert found["LM2"] == pytest.approx(0.4) and found["LM1"] == pytest.approx(0.4 * np.sqrt(0.5)) == pytest.approx(found["LM3"])
+
+
+def test_a_profile_follows_the_radius():
+    edges, apex = ARM.edges, 0.2 * 12 / 11
+    wave = Wave(groups=("LM1",), level=0.2, speed=1.0, width=1e-3, window=(0.05, 0.2), profile=0.7, apex=apex)
+    levels = oc.Activation(templates=(wave,)).levels([5.0], edges)[0, 0]
+    middle = (edges[1:] + edges[:-1]) / 2
+    inside = edges[:-1] > 0.05
+    outline = np.asarray(ARM.section(middle).outline) / float(ARM.section(0.05).outline)
+    np.testing.assert_allclose(levels[inside], 0.2 * outline[inside] ** 0.7, rtol=1e-6)
+    plain = replace(wave, profile=0.0)
+    np.testing.assert_allclose(oc.Activation(templates=(plain,)).levels([5.0], edges)[0, 0][inside], 0.2, rtol=1e-9)
+    growing = oc.Activation(templates=(replace(wave, profile=-1.5),)).levels([5.0], edges)[0, 0]
+    assert growing.max() == pytest.approx(0.6), "to three times its size at most"
+
+
+def test_turns_become_levels_by_the_curve_of_the_plant():
+    twist = StoreTwist(turns=-0.3, start=0.02, stop=0.12, curve=CURVE)
+    assert twist.level == pytest.approx(0.2) and twist.templates()[0].groups == ("R-OM",)
+    assert replace(twist, turns=0.1).templates()[0].groups == ("L-OM",)
+    assert replace(twist, turns=0.01).level == 0.0
+    assert replace(twist, turns=0.9).level == 0.3, "no more than was measured"
+    with pytest.raises(OctoctrlError, match="not measured"):
+        _ = replace(twist, curve=None).level
+    with pytest.raises(OctoctrlError, match="must both rise"):
+        TwistCurve(levels=(0.0, 0.2), turns=(0.0, 0.0))
+
+
+def test_the_curve_is_measured_once_and_gives_the_turns_that_are_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setenv("OCTOCTRL_CACHE", str(tmp_path))
+    monkeypatch.setattr(calibrating, "_KNOWN", {})
+    curve = calibrating.twist_curve(ARM, oc.Water(), "rod")
+    asked = StoreTwist(turns=0.25, stop=0.1, curve=curve)
+    plant = oc.make_plant("rod")
+    plant.advance(oc.Schedule(primitives=(asked,), duration=1.0).activation(), 1.0)
+    assert present_of_frames(plant.observe().frames, (1, 0, 0))[0] == pytest.approx(0.25, rel=0.03)
+    (kept,) = (tmp_path / "octoctrl").iterdir()
+    monkeypatch.setattr(calibrating, "_KNOWN", {})
+    monkeypatch.setattr(calibrating, "measured", None)
+    assert calibrating.twist_curve(ARM, oc.Water(), "rod") == curve, "from disk"
+    key = calibrating.key_of(ARM, oc.Water(), "rod")
+    stiffer = replace(ARM, lumped=replace(ARM.lumped, torsion=2.0))
+    assert key in kept.name and key not in (calibrating.key_of(stiffer, oc.Water(), "rod"), calibrating.key_of(ARM, None, "rod"))
+
+
+# ---------------------------------------------------------------- what is read of a hold
+
+
+@pytest.mark.parametrize(
+    "item",
+    [
+        POST,
+        Cylinder(name="post", radius=8e-3, length=0.08, position=(0, 0, 1), axis=(1, 1, 0)),
+        Sphere(name="post", radius=0.01, position=(1, 0, 0)),
+        Box(name="post", size=(0.01, 0.02, 0.03), axis=(1, 0, 0)),
+        Plane(name="post", position=(0, 0, -0.1)),
+    ],
+    ids=lambda item: type(item).__name__,
+)
+def test_an_object_is_known_again_from_what_was_recorded(item):
+    found = recorded_object(rows_of([item])[0], "post")
+    assert type(found) is type(item) and found.sizes == pytest.approx(item.sizes) and found.position == pytest.approx(item.position)
+    np.testing.assert_allclose(frame_of(found), frame_of(item), atol=1e-12)
+
+
+class Wound:
+    """A helix of 1.5 turns on a post along z, whose last third leaves it for a curl of 1 turn in free water beside it."""
+
+    def __init__(self, gap=0.0):
+        item = Capsule(name="post", radius=8e-3, length=0.08, axis=(0, 0, 1))
+        angle, rise = np.linspace(0, 3 * np.pi, 301), np.linspace(-0.02, 0.02, 301)
+        radius = 0.008 + 0.004 + gap
+        on = np.stack([radius * np.cos(angle), radius * np.sin(angle), rise], axis=1)
+        around = np.linspace(np.pi, 3 * np.pi, 101)[1:]
+        beside = np.stack([0.05 * np.cos(around), 0.05 * np.sin(around), np.full(100, 0.02)], axis=1)
+        self.points = np.concatenate([on, beside])[None]
+        self.series = {"touch post": rows_of([item])[None, 0]}
+
+
+def test_covered_winding_counts_what_lies_on_the_object():
+    hold = Hold.of(Wound(), np.full(400, 4e-3), "post")
+    assert hold.winding[0] == pytest.approx(2.5, abs=0.01)
+    assert hold.covered[0] == pytest.approx(1.5, abs=0.01)
+    assert hold.covered[0] < hold.near[0] < hold.winding[0]
+    off = Hold.of(Wound(gap=3e-3), np.full(400, 4e-3), "post")
+    assert off.covered[0] == 0.0 and off.near[0] == pytest.approx(1.5 * np.exp(-0.3) + np.exp(-3.8), rel=0.05)
+
+
+def test_the_angle_of_a_turning_object_is_unwrapped():
+    angle = np.linspace(0, 1.5 * np.pi, 40)
+    frames = np.array([[[np.cos(a), 0, -np.sin(a)], [0, 1, 0], [np.sin(a), 0, np.cos(a)]] for a in angle])
+    wound = Wound()
+    row = np.repeat(wound.series["touch post"], 40, axis=0)
+    row[:, 7:16] = frames.reshape(40, 9)
+    wound.series, wound.points = {"touch post": row}, np.repeat(wound.points, 40, axis=0)
+    np.testing.assert_allclose(Hold.of(wound, np.full(400, 4e-3), "post").spun, angle, atol=1e-9)
+
+
+# ---------------------------------------------------------------- scenarios, geometry
+
+
+def test_scenarios_change_what_they_say():
+    curl, twist = Curl(level=0.4, profile=0.5, stop=0.19, apex=0.22), StoreTwist(turns=0.2, curve=CURVE)
+    found = Scenario(twist=1.3, bend=0.5, profile=-0.2, friction=2.0, shift=(1e-3, 0, 0))
+    assert found.primitive(curl) == replace(curl, level=0.2, profile=0.3) and found.primitive(twist) == replace(twist, turns=0.26)
+    other = replace(POST, name="other")
+    moved, left = found.scene(oc.Scene(objects=(POST, other)), {"post"}).objects
+    assert left == other and moved.friction == (0.2, 0.2) and moved.position == pytest.approx((-0.021, 0.06, -0.01))
+    drawn = four(np.random.default_rng(1))
+    assert len(drawn) == 4 and drawn[0] == Scenario() and {item.friction for item in drawn} == {1.0, 2.0, 0.5}
+    assert all(np.linalg.norm(item.shift) == pytest.approx(2.5e-3) for item in drawn[1:])
+
+
+def task_for(item, **changes):
+    configuration = oc.tasks.load("grasp")
+    return replace(configuration, scene=oc.Scene(objects=(item,)), **changes)
+
+
+def test_the_nearest_point_of_the_arm_at_rest():
+    item = Capsule(name="post", radius=0.01, length=0.08, position=(0.0, 0.1, 0.04), axis=(1, 0, 0))
+    place, gap, azimuth = nearest(ARM, item)
+    assert gap == pytest.approx(0.03 - float(ARM.section(0.1).outer_radius), abs=5e-4)
+    assert place == pytest.approx(0.1, abs=0.01) and azimuth == pytest.approx(np.pi / 2)
+    drives = grasp_drives(task_for(item).task, ARM, oc.Scene(objects=(item,))).drives
+    assert drives[0].primitive.start == pytest.approx(place - 0.05) and drives[0].primitive.azimuth == azimuth
+
+
+def test_what_is_too_thick_for_the_arm_is_refused_before_anything_moves():
+    thick = replace(POST, radius=0.02, position=(-0.05, 0.09, 0.0))
+    configuration = task_for(thick)
+    reason = too_short(configuration.task, ARM, configuration.scene)
+    place, _, _ = nearest(ARM, thick)
+    rest = np.asarray(ARM.section(np.linspace(place, 0.2, 50)).outer_radius).mean()
+    assert f"{(0.2 - place) / (2 * np.pi * (0.02 + rest)):.2f} times at most" in reason
+    plan = oc.plan(configuration)
+    assert plan.status is PlanStatus.REFUSED and plan.report.reason == reason and not plan.status.solved
+    assert not plan.schedule.activation().levels([1.0], ARM.edges).any()
+    assert too_short(task_for(POST).task, ARM, oc.Scene(objects=(POST,))) == ""
+
+
+def test_an_object_that_is_not_there_is_named():
+    with pytest.raises(OctoctrlError, match="a goal is about object 'post', which the scene does not have \\(bar\\)"):
+        oc.plan(task_for(replace(POST, name="bar")))
+
+
+# ---------------------------------------------------------------- from task to verdict
+
+
+@pytest.fixture(scope="module")
+def searched():
+    configuration = task_for(POST)
+    base = oc.plan(task_for(replace(POST, radius=0.025)))  # refused at once: for its model
+    model = replace(base.model, scene=configuration.scene)
+    return lambda seed, **options: plan_by_search(configuration.task, model, seed=seed, **{"population": 4, "rounds": 1} | options)
+
+
+def test_a_plan_says_of_the_plant_what_the_plant_does(searched):
+    plan = searched(0)
+    run = oc.execute(plan, feedback="open-loop", allow_unsolved=True)
+    miss = {(item.phase, item.goal.quantity): item.miss for item in plan.report.goals}
+    check = next(check for check in oc.verify(run).checks if check.name == "grasp.covered_winding")
+    assert check.value == pytest.approx(miss["grasp", "covered_winding"], abs=1e-9)
+    assert (plan.status is PlanStatus.HELD) == check.passed and plan.status in (PlanStatus.HELD, PlanStatus.MISSED)
+    assert run.trace.twist[-1] == pytest.approx(plan.trace.twist[-1], abs=1e-9)
+    hold = hold_in(RecordedOutputs(run.recording, run.trace, ARM), "post")
+    late = run.recording.time >= 4.0 - 1e-9
+    assert check.value == pytest.approx(max(0.95 - np.abs(hold.covered[late]).min(), 0.0), abs=1e-9)
+
+
+def test_a_plan_says_what_was_tried_and_depends_on_its_seed(searched):
+    first, again, other = searched(1), searched(1), searched(2)
+    assert first.report.numbers == again.report.numbers != other.report.numbers
+    assert any("seed 1" in line and "4 candidates" in line for line in first.report.tried) and first.report.starts >= 4
+    assert first.report.tried[-1].startswith("candidate ") and "tolerances" in first.report.tried[-1]
+    assert str(first).count("seed 1") == 1
+
+
+def test_a_plan_survives_its_file(searched, tmp_path):
+    plan = searched(1)
+    loaded = oc.load(oc.save(tmp_path / "plan.npz", plan))
+    assert loaded.schedule == plan.schedule and loaded.status is plan.status and loaded.report.tried == plan.report.tried
+    assert loaded.scene == plan.scene
+
+
+@pytest.mark.slow
+def test_the_grasp_that_comes_along_holds():
+    plan = oc.plan("grasp")
+    assert plan.status is PlanStatus.HELD
+    assert oc.verify(oc.execute(plan)).passed
