@@ -98,6 +98,15 @@ class Plateau:
         """Share of each cell in which the template acts."""
         return window_coverage(lower, upper, self.window)
 
+    @property
+    def whereabouts(self) -> object:
+        """What decides `place`: templates that agree in it act in one place."""
+        return self.window
+
+    def place(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """Share of each cell in which a change of the level acts at `time`: the window, also before the rise and after the fall."""
+        return self.coverage(lower, upper)
+
     def wrote(self, math: Any, value: Any) -> Any:
         """Where the template overrides what was composed before it."""
         return value > 0.0
@@ -179,6 +188,15 @@ class Wave:
     def coverage(self, lower: Any, upper: Any) -> Any:
         """Share of each cell in which the template acts."""
         return window_coverage(lower, upper, self.window)
+
+    @property
+    def whereabouts(self) -> object:
+        """What decides `place`: templates that agree in it act in one place."""
+        return self.window, self.speed, self.width, self.onset, self.offset, self.end_level
+
+    def place(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """Share of each cell in which a change of the level acts at `time`: what the fronts enclose then."""
+        return self.coverage(lower, upper) * self.weight(math, time, lower, upper)
 
     def wrote(self, math: Any, value: Any) -> Any:
         """Where the template overrides what was composed before it."""

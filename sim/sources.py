@@ -7,6 +7,7 @@ not read: every plant takes its levels from there.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -119,6 +120,14 @@ class Held:
         return found
 
 
+class Places(Protocol):
+    """Where corrections act along the arm."""
+
+    def shares(self, times: Floats, edges: Floats) -> Floats:
+        """Share (T, corrections, n) in which each reaches the n cells between `edges`, m, at the readings `times`, s, of the clock."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corrected:
     """An activation on a clock of its own, plus a correction of some groups that is linear in time over one period.
@@ -132,9 +141,11 @@ class Corrected:
     clock : (float, float), s
         Readings of the activation's clock at the begin and at the end of the period; equal while a phase waits.
     groups : tuple of str
-        Which are corrected.
+        Which are corrected; one may be named several times, for several places.
     before, after : (groups,) float64
         Corrections at the begin and at the end; what they lead to is kept within [0, 1].
+    places : Places, optional
+        Where along the arm each of them acts; everywhere if omitted.
     layout : MuscleLayout
         Of the arm.
     """
@@ -146,15 +157,20 @@ class Corrected:
     groups: tuple[str, ...] = ()
     before: Floats | float = 0.0
     after: Floats | float = 0.0
+    places: Places | None = None
     layout: MuscleLayout = field(default=OCTOPUS_MUSCLES, repr=False)
 
     def levels(self, times: Floats, edges: Floats) -> Floats:
         """Levels (T, groups, n) at the plant's `times`, s, in the n cells between `edges`, m."""
         share = (times - self.begin) / self.period
-        levels = self.activation.levels(self.clock[0] + share * (self.clock[1] - self.clock[0]), edges)
+        readings = self.clock[0] + share * (self.clock[1] - self.clock[0])
+        levels = self.activation.levels(readings, edges)
         if self.groups:
-            correction = self.before + np.clip(share, 0.0, 1.0)[:, None] * (np.asarray(self.after) - self.before)
-            levels[:, [self.layout.index(group) for group in self.groups]] += correction[:, :, None]
+            correction = (self.before + np.clip(share, 0.0, 1.0)[:, None] * (np.asarray(self.after) - self.before))[:, :, None]
+            if self.places is not None:
+                correction = correction * self.places.shares(readings, edges)
+            for index, group in enumerate(self.groups):
+                levels[:, self.layout.index(group)] += correction[:, index]
             np.clip(levels, 0.0, 1.0, out=levels)
         return levels
 

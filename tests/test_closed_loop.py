@@ -482,9 +482,9 @@ def test_planning_takes_the_settings_of_the_task_file():
 
 @pytest.fixture(scope="module")
 def waiting(plan):
-    """A run whose first phase waits: it asks for a little less twist than is stored, to which feedback comes back late if at all."""
+    """A run whose first phase waits: it asks for a little more twist than is planned, to which feedback does not come."""
     first = plan.task.phases[0]
-    phases = (replace(first, goals=(replace(first.goals[0], value=-0.985, tolerance=0.004),)), *plan.task.phases[1:])
+    phases = (replace(first, goals=(replace(first.goals[0], value=-1.02, tolerance=0.004),)), *plan.task.phases[1:])
     return execute(replace(plan, task=replace(plan.task, phases=phases)))
 
 

@@ -11,6 +11,7 @@ from octoctrl.planners.following import design
 from octoctrl.planners.following.design import DISCOUNT, Course
 from octoctrl.planners.following.observer import Observer, Sight
 from octoctrl.planners.following.tracking import BIAS_SHARE, Tracker
+from octoctrl.planners.model.output_kernels import OUTPUTS
 from octoctrl.planners.solving import planner
 from octoctrl.planners.solving.plan import Plan, PlanStatus
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
@@ -48,7 +49,22 @@ def rms(values):
 def exact(strains, topology):
     """A measurement without noise."""
     size = np.size(strains)
-    return Sight(np.asarray(strains), np.asarray(topology, dtype=float), np.zeros((size, size)))
+    return Sight(np.reshape(strains, (-1, 4)), outputs_of(topology), np.zeros((size, size)))
+
+
+def outputs_of(topology):
+    """Outputs of which only twist and writhe are read."""
+    outputs = np.zeros(len(OUTPUTS))
+    outputs[:2] = np.asarray(topology)[:2]
+    return outputs
+
+
+def corrected(made, model, levels, correction):
+    """Levels (groups, S) with a correction of each channel where that acts."""
+    levels = levels.copy()
+    for channel, part in zip(made.channels.each, correction[:, None] * made.channels.shares(np.zeros(1), model.edges)[0], strict=True):
+        levels[MUSCLE_GROUPS.index(channel.group)] += part
+    return levels
 
 
 def follow(coil, made, adapt=True, gains=None, offset=0.0, tracker=None, delay=0, noise=0.0, seed=0):
@@ -62,7 +78,6 @@ def follow(coil, made, adapt=True, gains=None, offset=0.0, tracker=None, delay=0
     random, scale = np.random.default_rng(seed), design.strain_scale(model)
     count = len(made.periods)
     levels, planned = model.levels(plan.schedule.activation(), np.cumsum(made.steps)), [*made.periods[1:], made.final]
-    columns = [MUSCLE_GROUPS.index(group) for group in made.groups]
     gain = np.ones(len(MUSCLE_GROUPS))
     for group, factor in (gains or {}).items():
         gain[MUSCLE_GROUPS.index(group)] = factor
@@ -70,14 +85,12 @@ def follow(coil, made, adapt=True, gains=None, offset=0.0, tracker=None, delay=0
     for k in range(count):
         seen = strains + noise * (scale * random.normal(size=len(scale))).reshape(strains.shape)
         topology = model.outputs(seen[None], plan.task.convention.pole)[0][0, :2]
-        sights.append(Sight(seen, topology + offset, np.diag((noise * scale) ** 2)))
+        sights.append(Sight(seen, outputs_of(topology + offset), np.diag((noise * scale) ** 2)))
         age = min(delay, k)
         correction = tracker.correct(k, sights[k - age], age=age)
-        given = levels[k].copy()
-        given[columns] += correction[:, None]
-        given = np.clip(given, 0, 1) * gain[:, None]
+        given = np.clip(corrected(made, model, levels[k], correction), 0, 1) * gain[:, None]
         strains = model.simulate(given[None], made.steps[k : k + 1], start=strains).strains[-1]
-        errors.append(model.outputs(strains[None], plan.task.convention.pole)[0][0, :2] - planned[k].topology)
+        errors.append(model.outputs(strains[None], plan.task.convention.pole)[0][0, :2] - planned[k].held)
         corrections.append(correction)
     return np.array(errors), np.array(corrections), tracker
 
@@ -88,11 +101,11 @@ def follow(coil, made, adapt=True, gains=None, offset=0.0, tracker=None, delay=0
 def test_course_holds_the_plan(coil, made):
     plan, _ = coil
     count = len(made.periods)
-    assert set(made.groups) == {"R-OM", "L-OM", "LM1", "LM2", "LM8"}
+    assert set(made.channels.groups) == {"R-OM", "L-OM", "LM1", "LM2", "LM8"}
     assert count == np.ceil(plan.schedule.duration / made.period)
     assert made.periods[3].levels.shape == (5,) and made.periods[3].gain.shape == (5, 32)
     planned = plan.trace.at(made.period * np.arange(count))
-    topology = np.array([period.topology for period in made.periods])
+    topology = np.array([period.held for period in made.periods])
     assert rms(topology[:, 0] - planned.twist) < 0.02 and rms(topology[:, 1] - planned.lifted_writhe) < 0.02
     assert not any(period.linear.drift.any() for period in made.periods)
 
@@ -151,13 +164,12 @@ def test_influence_and_drift_are_those_of_the_model(coil, made):
     def moved(levels):
         return model.simulate(levels[None], [made.period], start=strains).strains[-1].ravel()
 
-    for index, group in enumerate(made.groups):
-        shift = np.zeros_like(levels[-1])
-        shift[MUSCLE_GROUPS.index(group)] = 1e-3
+    for index, group in enumerate(made.channels.groups):
+        shift = corrected(made, model, np.zeros_like(levels[-1]), 1e-3 * np.eye(5)[index])
         expected = (moved(levels[-1] + shift) - moved(levels[-1] - shift)) / 2e-3
         assert abs(made.periods[k].linear.influence[:, index] - expected).max() < 0.02 * abs(expected).max(), group
     linear = made.periods[k].linear
-    np.testing.assert_allclose(linear.disturbance[:, :-1], linear.influence * made.periods[k].levels)
+    np.testing.assert_allclose(linear.disturbance[:, :5], linear.influence * made.periods[k].levels, atol=1e-12)
     held = model.levels(plan.schedule.activation(), when + model.lag)[0]
     standing = made.standing(when[0])
     np.testing.assert_allclose(standing.linear.drift, moved(held) - strains.ravel(), atol=1e-9)
@@ -178,7 +190,7 @@ def test_nothing_is_corrected_where_nothing_is_wrong(coil, made):
 def test_weak_muscles_are_found_out_and_made_up_for(coil, made, weak):
     adapted, _, tracker = follow(coil, made, True, weak)
     plain, _, stubborn = follow(coil, made, False, weak)
-    estimates = dict(zip((*made.groups, "drag"), tracker.errors, strict=True))
+    estimates = tracker.believed()
     found = np.mean([estimates[group] for group in weak])
     assert found == pytest.approx(-0.2, abs=0.04), estimates
     assert abs(estimates["drag"]) < 0.3
@@ -191,7 +203,7 @@ class Passive:
     """No feedback."""
 
     def __init__(self, made):
-        self.zeros = np.zeros(len(made.groups))
+        self.zeros = np.zeros(len(made.channels))
 
     def correct(self, index, sight, age=0):
         return self.zeros
@@ -199,12 +211,12 @@ class Passive:
 
 def test_strong_muscles_are_found_out_too(coil, made):
     errors, _, tracker = follow(coil, made, True, {"L-OM": 1.2})
-    assert tracker.errors[made.groups.index("L-OM")] == pytest.approx(0.2, abs=0.04)
+    assert tracker.errors[made.channels.groups.index("L-OM")] == pytest.approx(0.2, abs=0.04)
     assert rms(errors) < rms(follow(coil, made, False, {"L-OM": 1.2})[0])
 
 
 def test_corrections_keep_levels_within_bounds(coil, made):
-    _, corrections, _ = follow(coil, made, True, dict.fromkeys(made.groups, 0.3))
+    _, corrections, _ = follow(coil, made, True, dict.fromkeys(made.channels.groups, 0.3))
     levels = np.array([period.levels for period in made.periods]) + corrections
     assert levels.min() >= -1e-12 and levels.max() <= 1 + 1e-12 and abs(corrections).max() > 0.2
 
@@ -235,11 +247,11 @@ def test_estimate_weighs_prediction_against_measurement(made):
     tracker = Tracker(made, adapt=False)
     doubt = made.final.noise**2
     x = 0.01 * np.ones(32)
-    tracker.correct(0, Sight(made.periods[0].strains.reshape(8, 4) + x.reshape(8, 4), made.periods[0].topology, np.diag(3 * doubt)))
+    tracker.correct(0, Sight(made.periods[0].strains.reshape(8, 4) + x.reshape(8, 4), outputs_of(made.periods[0].held), np.diag(3 * doubt)))
     np.testing.assert_allclose(tracker._estimate, x / 4, rtol=1e-9)
     np.testing.assert_allclose(np.diag(tracker._doubt), 0.75 * doubt, rtol=1e-9)
     exactly = Tracker(made, adapt=False)
-    exactly.correct(0, exact(made.periods[0].strains + x, made.periods[0].topology))
+    exactly.correct(0, exact(made.periods[0].strains + x, made.periods[0].held))
     np.testing.assert_allclose(exactly._estimate, x, rtol=1e-9)
 
 
@@ -250,7 +262,7 @@ def test_noise_is_not_taken_for_errors_of_the_model(coil, made, seed):
 
     class Trusting(Tracker):
         def correct(self, index, sight, *, clock=0.0, age=0):
-            return super().correct(index, exact(sight.strains, sight.topology), clock=clock, age=age)
+            return super().correct(index, exact(sight.strains, sight.outputs), clock=clock, age=age)
 
     bad, wild, _ = follow(coil, made, noise=0.01, seed=seed, tracker=Trusting(made))
     assert rms(errors) < 0.5 * rms(bad) and rms(corrections) < 0.5 * rms(wild)
@@ -289,7 +301,7 @@ def test_observer_finds_the_strains(coil):
     sight = Observer(model, pole).see(Look(model, strains))
     np.testing.assert_allclose(sight.strains[:, :3], strains[:, :3], atol=1e-6)
     np.testing.assert_allclose(sight.strains[:, 3], strains[:, 3], rtol=5e-3)
-    np.testing.assert_allclose(sight.topology, model.outputs(strains[None], pole)[0][0, :2], atol=1e-9)
+    np.testing.assert_allclose(sight.outputs, model.outputs(strains[None], pole)[0][0], atol=1e-4)
     part = Observer(model, pole).see(Look(model, strains, np.arange(1, 48, 3)))
     np.testing.assert_allclose(part.strains[:, :3], strains[:, :3], atol=0.2)
     np.testing.assert_allclose(part.strains[:, 3], strains[:, 3], rtol=0.04)
@@ -306,7 +318,7 @@ def test_observer_measures_the_noise_and_what_it_does_to_the_strains(coil):
     stated = np.sqrt(np.diag(np.mean([sight.noise for sight in sights[20:]], axis=0)))
     np.testing.assert_allclose(found.std(axis=0), stated, rtol=0.35)
     np.testing.assert_allclose(found.mean(axis=0).reshape(8, 4)[:, 3], strains[:, 3], atol=0.02)
-    assert np.array([sight.topology for sight in sights]).std(axis=0).max() < 0.02
+    assert np.array([sight.outputs for sight in sights]).std(axis=0)[:2].max() < 0.02
 
 
 # A clock that stands
@@ -318,18 +330,16 @@ def test_a_standing_clock_holds_the_pose(coil, made, gain):
     plan, model = coil
     clock = 40 * made.period
     held = model.levels(plan.schedule.activation(), np.array([clock + model.lag]))[0]
-    columns = [MUSCLE_GROUPS.index(group) for group in made.groups]
     standing, pole = made.standing(clock), plan.task.convention.pole
     tracker, misses, moved = Tracker(made), [], standing.strains.reshape(8, 4)
     strains = moved
     for _ in range(60):
         seen = model.outputs(strains[None], pole)[0][0, :2]
-        misses.append(seen - standing.topology)
-        given = held.copy()
-        given[columns] += tracker.correct(None, exact(strains, seen), clock=clock)[:, None]
+        misses.append(seen - standing.held)
+        given = corrected(made, model, held, tracker.correct(None, exact(strains, seen), clock=clock))
         strains = model.simulate((gain * np.clip(given, 0, 1))[None], [made.period], start=strains).strains[-1]
         moved = model.simulate(held[None], [made.period], start=moved).strains[-1]
-    left_alone = np.abs(model.outputs(moved[None], pole)[0][0, :2] - standing.topology).max()
+    left_alone = np.abs(model.outputs(moved[None], pole)[0][0, :2] - standing.held).max()
     assert left_alone > 0.05 and np.abs(misses[-10:]).max() < 0.02, (left_alone, misses[-1])
     assert np.abs(misses).max() < 0.1
 
@@ -341,7 +351,7 @@ def test_bias_is_what_the_linear_model_does_not_explain(made):
     tracker, x = Tracker(made), np.zeros(32)
     for k in range(40):  # the shape does what the linear model says, so that there is nothing to learn from it
         period = made.periods[k]
-        topology = period.topology + period.linear.slopes @ x + [0.05, -0.03]
+        topology = period.held + period.linear.slopes @ x + [0.05, -0.03]
         correction = tracker.correct(k, exact(period.strains + x, topology))
         x = period.linear.transition @ x + period.linear.influence @ correction
     assert abs(x).max() > 0.01
@@ -355,8 +365,8 @@ def test_crossings_are_no_bias(made, jump):
     one, other = Tracker(made), Tracker(made)
     for k in range(10, 20):
         period = made.periods[k]
-        smooth = one.correct(k, exact(period.strains, period.topology + np.array([0.0, 0.1])))
-        jumped = other.correct(k, exact(period.strains, period.topology + np.array([0.0, 0.1 + jump])))
+        smooth = one.correct(k, exact(period.strains, period.held + np.array([0.0, 0.1])))
+        jumped = other.correct(k, exact(period.strains, period.held + np.array([0.0, 0.1 + jump])))
         np.testing.assert_allclose(jumped, smooth, atol=1e-9)
     assert other.bias[1] == pytest.approx(0.1, abs=0.01)
 
@@ -371,5 +381,5 @@ def test_bias_moves_the_arm_the_other_way(coil, made):
 
 def test_plain_regulator_ignores_bias_and_errors(made):
     tracker = Tracker(made, adapt=False)
-    tracker.correct(5, exact(made.periods[5].strains, made.periods[5].topology + 0.3))
+    tracker.correct(5, exact(made.periods[5].strains, made.periods[5].held + 0.3))
     assert (tracker.bias == 0).all() and (tracker.errors == 0).all()

@@ -15,10 +15,10 @@ PERIOD = 0.05
 
 
 def scalar(a, b, k, count=5, slope=1.0):
-    """A course of one strain and one group."""
+    """A course of one strain and one channel."""
     linear = SimpleNamespace(transition=np.array([[a]]), influence=np.array([[b]]), slopes=np.array([[slope]]))
     period = SimpleNamespace(linear=linear, gain=np.array([[k]]), closed=lambda: np.array([[a - b * k]]))
-    return SimpleNamespace(period=PERIOD, groups=("R-OM",), periods=(period,) * count, final=period)
+    return SimpleNamespace(period=PERIOD, channels=("R-OM",), periods=(period,) * count, final=period)
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def test_disk_margin_agrees_with_python_control(course):
     """Its state-space system, loop closed by itself, and its frequency response."""
     import control
 
-    final, groups = course.final, len(course.groups)
+    final, groups = course.final, len(course.channels)
     loop = control.ss(final.linear.transition, final.linear.influence, final.gain, np.zeros((groups, groups)), course.period)
     sensitivity = control.feedback(control.ss([], [], [], np.eye(groups), course.period), loop)
     omega = np.geomspace(0.01, 1.0, 400) * np.pi / course.period
@@ -66,13 +66,13 @@ def test_gains_within_the_disk_keep_the_loop_stable(course):
     draw, gain = np.random.default_rng(1), margins(course)["gain"]
     assert 1.2 < gain < np.inf
     for _ in range(4):
-        factors = np.exp(draw.uniform(-1, 1, size=len(course.groups)) * np.log(0.999 * gain))
+        factors = np.exp(draw.uniform(-1, 1, size=len(course.channels)) * np.log(0.999 * gain))
         assert stable(course, factors)
 
 
 def test_one_period_more_than_the_delay_margin_is_too_much(course):
     late = round(delay_margin(course) / course.period)
-    unit = np.ones(len(course.groups))
+    unit = np.ones(len(course.channels))
     assert late >= 1 and stable(course, unit, late) and not stable(course, unit, late + 1)
 
 

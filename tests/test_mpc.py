@@ -35,7 +35,8 @@ def roomy(course):
         return replace(period, levels=np.full_like(period.levels, 0.5))
 
     return SimpleNamespace(
-        groups=course.groups, periods=tuple(map(middle, course.periods)), final=middle(course.final), period=course.period,
+        channels=course.channels, held=course.held, periods=tuple(map(middle, course.periods)), final=middle(course.final),
+        period=course.period,
         standing=lambda clock: middle(course.standing(clock)),
     )  # fmt: skip
 
@@ -55,7 +56,7 @@ def test_without_active_bounds_it_is_the_regulator(plan, roomy, index, monkeypat
     for horizon in (3, 20):
         predictive = PredictiveTracker(roomy, plan, horizon=horizon, limit=np.inf)
         for tracker in (regulator, predictive):
-            tracker.errors, tracker.bias = np.linspace(-0.1, 0.1, len(tracker.errors)), np.array([0.02, -0.03])
+            tracker.errors, tracker.bias = np.linspace(-0.03, 0.03, len(tracker.errors)), np.array([0.02, -0.03])
         for x in states(roomy, 3, 1e-2):
             wanted, found = (tracker.decided(index, period, x) for tracker in (regulator, predictive))
             np.testing.assert_allclose(found, wanted, atol=2e-4 * np.abs(wanted).max() + 1e-7)

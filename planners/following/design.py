@@ -1,13 +1,14 @@
 """Design of the feedback along a plan: prices, linear models of its periods, gains.
 
-Around the planned motion q_k, u_k the reduced model reads, with x = q - q_k and v = u - u_k (one level per muscle group in use),
+Around the planned motion q_k, u_k the reduced model reads, with x = q - q_k and v the corrections (one per channel, see `channels`),
 
-    x_{k+1} = A_k x_k + B_k v_k + E_k theta + c_k,      E_k = [B_k diag(u_k), dq_{k+1}/d(drag)]
+    x_{k+1} = A_k x_k + B_k v_k + E_k theta + c_k,      E_k = [dq_{k+1}/d(gains), dq_{k+1}/d(drag), 1 - A_k]
 
-theta: relative errors of the groups' gains and of the water's drag. c_k is zero while the plan's clock runs. While it stands, q_k and the
-planned levels stay, and c_k is by how much the model moves on from q_k under them. The regulator minimises the sum of y' Q y + x' S x +
-v' R v with the topology error y = C_k x_k. While the clock stands that is an infinite sum, discounted because what is released at the end
-of a plan cannot be held; its cost is also the terminal cost of the plan.
+theta: relative errors of the groups' gains and of the water's drag, and errors of the shape itself towards which the arm creeps, for eight
+sections cannot have the edges of the muscles' windows. c_k is zero while the plan's clock runs. While it stands, q_k and the planned
+levels stay, and c_k is by how much the model moves on from q_k under them. The regulator minimises the sum of y' Q y + x' S x + v' R v with
+the error y = C_k x_k of what is held (see `held`). While the clock stands that is an infinite sum, discounted because what is released at
+the end of a plan cannot be held; its cost is also the terminal cost of the plan.
 """
 
 from dataclasses import dataclass, replace
@@ -20,16 +21,15 @@ from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from ..contracts import Floats
 from ..model.reduced import ReducedModel, ReducedMotion
 from ..solving.plan import Plan
+from .channels import Channels
+from .held import Held
 
-TOPOLOGY_ERROR = 0.01
-"""Error of lifted writhe or twist (turns) that costs as much as a correction of `CORRECTION`."""
-
-CORRECTION, REST_SHARE = 0.1, 0.05
-"""Change of a level, at the group's highest planned level, that costs as much as an error of `TOPOLOGY_ERROR`; and the share of it that a
-group at rest has. A resting muscle can only pull, so that what should correct both ways would curl the arm."""
+CORRECTION, REST_SHARE = 1 / 3, 0.05
+"""Share of a channel's planned level by which a correction costs as much as an error of `held`; and the share of that which a channel at
+rest has, of its highest level. A resting muscle can only pull, so that what should correct both ways would curl the arm."""
 
 LEAST_LEVEL = 1e-3
-"""Highest planned level of a group that hardly takes part; keeps its corrections finite."""
+"""Highest planned level of a channel that hardly takes part; keeps its corrections finite."""
 
 SHAPE_ERROR = 0.1
 """Error of all strains, as bending strain or stretch, that costs as much."""
@@ -46,20 +46,22 @@ ITERATIONS, CONVERGED = 400, 1e-9
 
 
 class Linear(NamedTuple):
-    """One period: A, B, E, c, C and the prices Q' (of x) and R (of v); n strains, m groups."""
+    """One period: A, B, E, c, C, the weights of its rows, and the prices Q' (of x) and R (of v); n strains, m channels, R rows held."""
 
     transition: Floats
     influence: Floats
     disturbance: Floats
     drift: Floats
     slopes: Floats
+    weights: Floats
+    aims: Floats
     price: Floats
     effort: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Period:
-    """What the regulator needs of one period, n strains, m groups in use.
+    """What the regulator needs of one period, n strains, m channels, R rows held.
 
     Attributes
     ----------
@@ -68,8 +70,8 @@ class Period:
         Planned shape at its begin.
     levels : (m,) float64
         Planned levels, the largest of any section.
-    topology : (2,) float64, turns
-        Planned twist and lifted writhe at its begin.
+    held : (R,) float64
+        Planned values of what is held at its begin; twist and lifted writhe first, turns.
     noise : (n,) float64
         Standard deviation of the prediction error.
     cost : (n, n) float64
@@ -81,7 +83,7 @@ class Period:
     linear: Linear
     strains: Floats
     levels: Floats
-    topology: Floats
+    held: Floats
     noise: Floats
     cost: Floats
     gain: Floats
@@ -107,8 +109,10 @@ class Course:
     period : float, s
     steps : (N,) float64, s
         Lengths of the periods, of which the last ends with the plan.
-    groups : tuple of str
-        Muscle groups that feedback may change.
+    channels : Channels
+        Where feedback may change which muscle groups.
+    held : Held
+        What it holds.
     periods : tuple of Period
         Those of the running clock.
     final : Period
@@ -117,9 +121,9 @@ class Course:
 
     def __init__(self, plan: Plan, model: ReducedModel, period: float = 0.05) -> None:
         self.period, self._model = period, model
-        self._activation, self._pole = plan.schedule.activation(), plan.task.convention.pole
-        self.groups: tuple[str, ...] = self._activation.groups
-        self._columns = [MUSCLE_GROUPS.index(group) for group in self.groups]
+        self._activation = plan.schedule.activation()
+        self.channels, self.held = Channels(self._activation), Held(plan.task, (*plan.phase_begins.values(), plan.schedule.duration), model)
+        self._columns = [MUSCLE_GROUPS.index(group) for group in self.channels.groups]
         self._scale = strain_scale(model)
         count = int(np.ceil(plan.schedule.duration / period - 1e-6))
         # The plan ends within the last period, which is so much shorter.
@@ -127,19 +131,20 @@ class Course:
         self.steps = np.diff(self._times)
         levels = model.levels(self._activation, self._times[1:])
         self._motion = model.simulate(levels, self.steps)
-        self._highest = np.maximum(levels[:, self._columns].max(axis=(0, 2)), LEAST_LEVEL)
+        shares = self.channels.shares(self._times[1:] - model.lag, model.edges)
+        self._highest = np.maximum(self.channels.planned(levels, shares).max(axis=0), LEAST_LEVEL)
         self._standing: tuple[float, Period] | None = None
         final = self.standing(plan.schedule.duration)
         # What the arm does after the plan is no reason to leave it before.
         self.final = replace(final, linear=final.linear._replace(drift=np.zeros_like(final.strains)))
-        linear, planned, topology = self._linear(self._motion, levels, self.steps)
+        linear, planned, held = self._linear(self._motion, levels, self.steps, shares, self._times[:-1])
         cost, periods = self.final.cost / DISCOUNT, []
         for k in range(count - 1, -1, -1):
             gain, inverse, before = _regulator(linear[k], cost)
             change = self._motion.strains[k + 1] - self._motion.strains[k]
             periods.append(
                 Period(
-                    linear=linear[k], strains=self._motion.strains[k].ravel(), levels=planned[k], topology=topology[k],
+                    linear=linear[k], strains=self._motion.strains[k].ravel(), levels=planned[k], held=held[k],
                     noise=self._noise(change), cost=cost, gain=gain, inverse=inverse,
                 )
             )  # fmt: skip
@@ -153,11 +158,12 @@ class Course:
         model, index = self._model, int(np.abs(self._times - clock).argmin())
         # Levels that stay need no allowance for the lag with which the arm answers.
         levels = model.levels(self._activation, np.array([clock + model.lag]))
+        shares = self.channels.shares(np.array([clock]), model.edges)
         start = self._motion.strains[index]
         steps = np.array([self.period])
         motion = model.simulate(levels, steps, start=start)
         change = motion.strains[1] - start
-        (linear,), (planned,), (topology,) = self._linear(motion, levels, steps)
+        (linear,), (planned,), (held,) = self._linear(motion, levels, steps, shares, np.array([clock]))
         linear = linear._replace(drift=change.ravel())
         cost = linear.price
         for _ in range(ITERATIONS):
@@ -168,25 +174,28 @@ class Course:
                 break
         gain, inverse, _ = _regulator(linear, DISCOUNT * cost)
         found = Period(
-            linear=linear, strains=start.ravel(), levels=planned, topology=topology, noise=self._noise(change), cost=DISCOUNT * cost,
+            linear=linear, strains=start.ravel(), levels=planned, held=held, noise=self._noise(change), cost=DISCOUNT * cost,
             gain=gain, inverse=inverse,
         )  # fmt: skip
         self._standing = clock, found
         return found
 
-    def _linear(self, motion: ReducedMotion, levels: Floats, steps: Floats) -> tuple[list[Linear], Floats, Floats]:
-        """Linear models of the steps of a motion, planned levels (N, m), and topology (N, 2) at the steps' begins."""
-        model, count = self._model, len(levels)
-        transition, influence, drag = model.linearise(motion, levels, steps)
-        influence = influence[:, :, self._columns].sum(axis=3)
-        planned = levels[:, self._columns].max(axis=2)
-        disturbance = np.concatenate([influence * planned[:, None, :], drag[:, :, None]], axis=2)
-        values, slopes = model.outputs(motion.strains[:-1], self._pole)
-        values, slopes = values[:, :2], slopes[:, :2].reshape(count, 2, -1)
-        price = np.swapaxes(slopes, 1, 2) @ slopes / TOPOLOGY_ERROR**2 + np.diag(1 / (SHAPE_ERROR * self._scale) ** 2)
-        effort = 1 / (CORRECTION * (REST_SHARE + planned / self._highest)) ** 2
+    def _linear(
+        self, motion: ReducedMotion, levels: Floats, steps: Floats, shares: Floats, begins: Floats
+    ) -> tuple[list[Linear], Floats, Floats]:
+        """Linear models of the steps of a motion, planned levels (N, m), and what is held (N, R) at the steps' begins."""
+        transition, influence, drag = self._model.linearise(motion, levels, steps)
+        gains = np.einsum("tngs,tgs->tng", influence[:, :, self._columns], levels[:, self._columns])
+        influence, planned = self.channels.influence(influence, shares), self.channels.planned(levels, shares)
+        disturbance = np.concatenate([gains, drag[:, :, None], (np.eye(len(self._scale)) - transition) * self._scale], axis=2)
+        values, slopes, weights, aims = self.held.along(begins, motion.strains[:-1], SHAPE_NOISE * self._scale)
+        price = np.swapaxes(slopes, 1, 2) @ (weights[:, :, None] * slopes) + np.diag(1 / (SHAPE_ERROR * self._scale) ** 2)
+        effort = 1 / (CORRECTION * (REST_SHARE * self._highest + planned)) ** 2
         still = np.zeros(len(self._scale))
-        linear = [Linear(transition[k], influence[k], disturbance[k], still, slopes[k], price[k], np.diag(effort[k])) for k in range(count)]
+        linear = [
+            Linear(transition[k], influence[k], disturbance[k], still, slopes[k], weights[k], aims[k], price[k], np.diag(effort[k]))
+            for k in range(len(levels))
+        ]
         return linear, planned, values
 
     def _noise(self, change: Floats) -> Floats:

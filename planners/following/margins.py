@@ -1,7 +1,7 @@
 """What a regulator withstands, as information beside a verdict: disk margin, delay margin, induced gain.
 
 The first two belong to the clock that stands at the plan's end, where the loop is time-invariant: L(z) = K (z - A)^-1 B, opened at the
-levels of all groups at once. With S = (1 + L)^-1 and T = 1 - S, the disk margin alpha with
+levels of all channels at once. With S = (1 + L)^-1 and T = 1 - S, the disk margin alpha with
 
     1 / alpha  =  largest singular value of (S - T) / 2  over all frequencies
 
@@ -22,7 +22,7 @@ FREQUENCIES, ITERATIONS, LONGEST = 200, 30, 60
 
 def disk_margin(course: Course) -> float:
     """The disk margin alpha of the standing clock at the end of a `course`."""
-    final, groups = course.final, len(course.groups)
+    final, groups = course.final, len(course.channels)
     nyquist, one = np.pi / course.period, np.eye(len(final.linear.transition))
     places = np.exp(1j * course.period * np.geomspace(0.01 * nyquist, nyquist, FREQUENCIES))
     response = final.gain @ np.linalg.solve(places[:, None, None] * one - final.linear.transition, final.linear.influence)
@@ -51,8 +51,8 @@ def induced_gain(course: Course) -> float:
     """Largest ratio of errors of twist and writhe to disturbances of the levels over the whole `course`, turns: by power iteration."""
     closed = [period.closed() for period in course.periods]
     influence = [period.linear.influence for period in course.periods]
-    slopes = [*(period.linear.slopes for period in course.periods[1:]), course.final.linear.slopes]
-    pushed, gain = np.ones((len(closed), len(course.groups))), 0.0
+    slopes = [*(period.linear.slopes[:2] for period in course.periods[1:]), course.final.linear.slopes[:2]]
+    pushed, gain = np.ones((len(closed), len(course.channels))), 0.0
     for _ in range(ITERATIONS):
         pushed = pushed / np.linalg.norm(pushed)
         x, errors = np.zeros(len(closed[0])), list[Floats]()

@@ -26,8 +26,8 @@ from .design import DISCOUNT, Course, Period
 from .tracking import Tracker
 from .tvlqr import TVLQR
 
-HORIZON = 20
-"""Periods that are looked ahead."""
+HORIZON, LARGEST = 20, 100
+"""Periods that are looked ahead at most, and corrections of all of them together: with more a programme takes longer than a period."""
 
 HEADROOM = 0.05
 """Share of the activation that is planned to be left for later corrections; the present period may use all of it."""
@@ -49,8 +49,8 @@ class PredictiveTracker(Tracker):
     ----------
     course : Course
     plan : Plan
-    horizon : int
-        Periods that are looked ahead.
+    horizon : int, optional
+        Periods that are looked ahead; as many as make `LARGEST` corrections if omitted, and at most `HORIZON`.
     limit : float, s, optional
         Wall-clock limit of a programme, whose answer is not used if it comes later; the period if omitted.
 
@@ -62,12 +62,14 @@ class PredictiveTracker(Tracker):
         Wall time of each programme, made and solved.
     """
 
-    def __init__(self, course: Course, plan: Plan, *, horizon: int = HORIZON, limit: float | None = None) -> None:
+    def __init__(self, course: Course, plan: Plan, *, horizon: int | None = None, limit: float | None = None) -> None:
         super().__init__(course)
-        self.horizon, self.limit = horizon, course.period if limit is None else limit
+        usual = min(HORIZON, max(LARGEST // len(course.channels), 1))
+        self.horizon, self.limit = usual if horizon is None else horizon, course.period if limit is None else limit
         self.fallbacks, self.seconds = 0, list[float]()
         self._model, self._pole = plan.model, plan.task.convention.pole
-        size = horizon * len(course.groups) + 1
+        horizon = self.horizon
+        size = horizon * len(course.channels) + 1
         self._solve = ca.conic("mpc", SOLVER, {"h": ca.Sparsity.dense(size, size), "a": ca.Sparsity.dense(horizon, size)}, OPTIONS)
         self._openings = self._read([period.strains for period in course.periods])
 
@@ -112,7 +114,7 @@ class PredictiveTracker(Tracker):
         return stages, weight, self._ahead_standing(period if standing else course.final)
 
     def _solution(self, index: int | None, period: Period, x: Floats) -> Floats | None:
-        groups = len(self.course.groups)
+        groups = len(self.course.channels)
         size, stages = self.horizon * groups, self._ahead_of(index, period)
         horizon, weight, ahead = stages
         hessian, gradient = np.zeros((size + 1, size + 1)), np.zeros(size + 1)

@@ -24,12 +24,12 @@ NOISE_SHARE = 0.1
 
 
 class Sight(NamedTuple):
-    """A measurement as the regulator takes it: strains (S, 4), twist and lifted writhe (turns, writhe modulo 2), and the covariance
-    (4 S, 4 S) of the strains.
+    """A measurement as the regulator takes it: strains (S, 4), outputs in the order of `octoctrl.planners.model.output_kernels.OUTPUTS`
+    (writhe and link modulo 2), and the covariance (4 S, 4 S) of the strains.
     """
 
     strains: Floats
-    topology: Floats
+    outputs: Floats
     noise: Floats
 
 
@@ -66,8 +66,10 @@ class Observer:
         axes = np.arange(3)
         covariance[:, axes, :, axes] = noise[0] * _spread(sums)
         covariance[:, 3, :, 3] = noise[1] * _spread(extents)
-        topology = np.array(present_of_frames(frames, self._pole))
-        return Sight(np.column_stack([curvatures, stretches]), topology, covariance.reshape(4 * sections, 4 * sections))
+        twist, writhe = present_of_frames(frames, self._pole)
+        tangent = frames[-1, 2]
+        outputs = np.array([twist, writhe, twist + writhe, ways[-1], *observation.points[-1], *tangent, 1 + tangent @ frames[0, 2]])
+        return Sight(np.column_stack([curvatures, stretches]), outputs, covariance.reshape(4 * sections, 4 * sections))
 
     def state(self) -> dict[str, Any]:
         """What the last fits left over, and the variances."""

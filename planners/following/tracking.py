@@ -3,8 +3,8 @@
 An estimate of the shape is carried from the last measurement through all periods since, with their corrections: a known delay of the
 measurement costs no more than what cannot be foreseen. A Kalman filter weighs the prediction against the measurement by the noise that
 the observer finds in it, and another estimates theta, a slow random walk, from what it gets wrong. The regulator prices in advance (affine
-Riccati recursion) its estimate of theta, the drift of a standing clock, and the part of the measured topology error that the linear model
-does not explain, which makes it free of offset.
+Riccati recursion) its estimate of theta, the drift of a standing clock, and the part of the measured error of what is held that the linear
+model does not explain, which makes it free of offset.
 """
 
 from collections.abc import Mapping
@@ -13,18 +13,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..contracts import Floats
-from .design import DISCOUNT, TOPOLOGY_ERROR, Course, Period
+from .design import DISCOUNT, Course, Period
 from .observer import Sight
 from .watch import GroupWatch
 
-GAIN_DOUBT, DRAG_DOUBT, DRIFT = 0.2, 0.7, 0.05
-"""Standard deviations of gain errors and drag error beforehand, and the share of them by which they may change per period."""
+GAIN_DOUBT, DRAG_DOUBT, SHAPE_DOUBT, DRIFT = 0.2, 0.7, 0.02, 0.05
+"""Standard deviations beforehand of gain errors, drag error and errors of the shape (as bending strain or stretch), and the share of them
+by which they may change per period."""
 
 BELIEVABLE = -0.8, 3.0
 """Range of the errors that are believed."""
 
 BIAS_SHARE = 0.3
-"""Share of a newly measured, unexplained topology error that is believed."""
+"""Share of a newly measured, unexplained error of what is held that is believed."""
 
 KINSHIP = 0.95
 """Correlation of the gain errors of muscles of one kind, which one motion can hardly tell apart."""
@@ -46,22 +47,23 @@ class Tracker:
     ----------
     course : Course
     adapt : bool
-        Whether gain and drag errors are estimated; without it this is the plain TVLQR.
+        Whether errors of the model are estimated; without it this is the plain TVLQR.
     """
 
     def __init__(self, course: Course, adapt: bool = True) -> None:
         self.course, self.adapt = course, adapt
-        kinds = np.array([group.strip("0123456789") for group in course.groups])
+        kinds = np.array([group.strip("0123456789") for group in course.channels.groups])
         kin = np.where(kinds[:, None] == kinds, KINSHIP, 0.0)
         np.fill_diagonal(kin, 1.0)
-        self.errors = np.zeros(len(kinds) + 1)
-        self.covariance = np.diag([0.0] * len(kinds) + [DRAG_DOUBT**2])
-        self.covariance[:-1, :-1] = GAIN_DOUBT**2 * kin
+        self._gains = len(kinds)
+        self.errors = np.zeros(len(kinds) + 1 + len(course.final.strains))
+        self.covariance = np.diag([0.0] * len(kinds) + [DRAG_DOUBT**2] + [SHAPE_DOUBT**2] * len(course.final.strains))
+        self.covariance[: self._gains, : self._gains] = GAIN_DOUBT**2 * kin
         self.drift = DRIFT**2 * self.covariance
-        self.bias = np.zeros(2)
+        self.bias = np.zeros(len(course.final.held))
         self._estimate, self._doubt = np.zeros_like(course.final.strains), np.diag(course.final.noise**2)
         self._measured = False
-        self.watch = GroupWatch(course.groups)
+        self.watch = GroupWatch(course.channels.groups)
         self._past: list[_Passed] = []
         """Periods that began since the last measurement, with their corrections."""
 
@@ -95,7 +97,7 @@ class Tracker:
         x = self._estimate
         for _, _, passed, correction in self._past:
             linear = passed.linear
-            x = linear.transition @ x + linear.influence @ correction + linear.drift + _effect(passed, correction) @ self.errors
+            x = linear.transition @ x + linear.influence @ correction + linear.drift + self._effect(passed, correction) @ self.errors
         correction = self.decided(index, period, x)
         # A level cannot leave [0, 1]; what the plant will really get is what the next prediction must assume.
         correction = np.clip(period.levels + correction, 0.0, 1.0) - period.levels
@@ -109,6 +111,10 @@ class Tracker:
         ahead = DISCOUNT * self._ahead_standing(period) if index is None else self._ahead(index)
         wanted: Floats = -period.gain @ x - period.inverse @ planned.influence.T @ (period.cost @ push + ahead)
         return wanted
+
+    def believed(self) -> dict[str, float]:
+        """Errors of the groups' gains and of the drag, by name."""
+        return dict(zip((*self.course.channels.groups, "drag"), self.errors[: self._gains + 1].tolist(), strict=True))
 
     def state(self) -> dict[str, Any]:
         """Estimates, and the periods that began since the last measurement."""
@@ -144,14 +150,14 @@ class Tracker:
             linear = passed.linear
             found = linear.transition @ found + linear.influence @ correction + linear.drift
             doubt = linear.transition @ doubt @ linear.transition.T + np.diag(passed.noise**2)
-            effect = linear.transition @ effect + _effect(passed, correction)
+            effect = linear.transition @ effect + self._effect(passed, correction)
         total = doubt + sight.noise
         if self.adapt:
             if self._measured:
                 self._learn(effect, x - found, np.sqrt(np.diag(total)))
-            unexplained = sight.topology - then.topology - then.linear.slopes @ x
-            unexplained[1] -= 2 * np.round(unexplained[1] / 2)
-            self.bias += BIAS_SHARE * (unexplained - self.bias)
+            expected = then.held + then.linear.slopes @ x
+            unexplained = self.course.held.seen(sight.outputs, sight.strains, expected) - expected
+            self.bias += np.where(then.linear.weights > 0, BIAS_SHARE, 0.0) * (unexplained - self.bias)
         found = found + effect @ self.errors
         share = np.linalg.solve(total, doubt).T
         self._estimate, self._doubt, self._measured = found + share @ (x - found), doubt - share @ doubt, True
@@ -159,7 +165,7 @@ class Tracker:
     def _learn(self, effect: Floats, surprise: Floats, noise: Floats) -> None:
         """Kalman filter on the errors, from the prediction of the periods that have just passed."""
         scaled, innovation = effect / noise[:, None], surprise / noise
-        self.watch.add(scaled, innovation)
+        self.watch.add(scaled[:, : self._gains + 1], innovation)
         self.covariance = self.covariance + self.drift
         self.covariance = np.linalg.inv(np.linalg.inv(self.covariance) + scaled.T @ scaled)
         self.errors += self.covariance @ scaled.T @ (innovation - scaled @ self.errors)
@@ -167,7 +173,13 @@ class Tracker:
         self.errors = np.clip(self.errors, *BELIEVABLE)
 
     def _pull(self, period: Period) -> Floats:
-        return period.linear.slopes.T @ self.bias / TOPOLOGY_ERROR**2
+        return period.linear.slopes.T @ (period.linear.weights * (self.bias + period.linear.aims))
+
+    def _effect(self, period: Period, correction: Floats) -> Floats:
+        """Derivative of the shape at a period's end by the errors: a wrong gain acts on the whole level, correction included."""
+        effect = period.linear.disturbance.copy()
+        effect[:, : self._gains] += (period.linear.influence * correction) @ self.course.channels.members
+        return effect
 
     def _ahead_standing(self, period: Period) -> Floats:
         """Gradient of the cost to come, at the begin of any period of a standing clock, by errors, drift and bias."""
@@ -182,10 +194,3 @@ class Tracker:
             push = later.linear.disturbance @ self.errors + later.linear.drift
             ahead = self._pull(later) + later.closed().T @ (later.cost @ push + ahead)
         return ahead
-
-
-def _effect(period: Period, correction: Floats) -> Floats:
-    """Derivative of the shape at a period's end by the errors: a wrong gain acts on the whole level, correction included."""
-    effect = period.linear.disturbance.copy()
-    effect[:, :-1] += period.linear.influence * correction
-    return effect

@@ -17,7 +17,7 @@ from .tracking import Tracker
 
 
 class TVLQR:
-    """Corrects the levels of the groups that the plan uses, once per period.
+    """Corrects the levels of the groups that the plan uses, where it uses them, once per period.
 
     It is designed for the period with which it is first asked, and begins anew when time does, so that one object serves several runs.
 
@@ -46,7 +46,7 @@ class TVLQR:
             self._design_time = process_time() - begin
         self._tracker = self.tracker(self._course)
         self._observer = Observer(self._model, self.plan.task.convention.pole)
-        self._correction, self._largest = np.zeros(len(self._course.groups)), 0.0
+        self._correction, self._largest = np.zeros(len(self._course.channels)), 0.0
         self._dead: dict[str, float] = {}
 
     def levels(self, observation: Observation, reading: ClockReading) -> ActivationSource:
@@ -63,7 +63,8 @@ class TVLQR:
             self._dead.setdefault(group, reading.now)
         return Corrected(
             activation=self._activation, begin=reading.now, period=reading.period, clock=(reading.begin, reading.end),
-            groups=self._course.groups, before=before, after=self._correction,
+            groups=tuple(channel.group for channel in self._course.channels.each), before=before, after=self._correction,
+            places=self._course.channels,
         )  # fmt: skip
 
     def state(self) -> dict[str, Any]:
@@ -96,7 +97,7 @@ class TVLQR:
         """Largest correction, the errors of gains and drag that it believes in, and the groups that it takes for dead."""
         if self._course is None:
             return ControllerReport()
-        errors = dict(zip((*self._course.groups, "drag"), self._tracker.errors.round(3).tolist(), strict=True))
+        errors = {name: round(error, 3) for name, error in self._tracker.believed().items()}
         return ControllerReport(
             largest_correction=self._largest, estimated_errors=errors, dead_groups=dict(self._dead), design_time=self._design_time,
             margins=self._course_margins(),

@@ -1,6 +1,6 @@
 """What goals read, on the reduced model: CasADi expressions of the strains and the outputs of one instant, and their derivatives."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -96,8 +96,30 @@ class ModelOutputs:
         return nodes[0, :], nodes[1, :], nodes[2, :]
 
 
+def rows_function(read: Callable[[ModelOutputs], Sequence[Expression]], arm: Arm, sections: int) -> ca.Function:
+    """What is read of one instant, and its derivatives.
+
+    Parameters
+    ----------
+    read : callable
+        From what can be read of the model to expressions, one by one.
+    arm : Arm
+    sections : int
+
+    Returns
+    -------
+    casadi.Function
+        ``(outputs (len(OUTPUTS),), strains (4, S)) -> rows (R,), derivatives by outputs (R, len(OUTPUTS)) and by strains (R, 4 S)``;
+        the total derivative by the strains is the last plus the one before times the outputs' own.
+    """
+    outputs, strains = ca.SX.sym("outputs", len(OUTPUTS)), ca.SX.sym("strains", 4, sections)
+    rows = ca.vertcat(*read(ModelOutputs(arm, outputs, strains)))
+    slopes = [ca.densify(ca.jacobian(rows, inputs)) for inputs in (outputs, ca.vec(strains))]
+    return ca.Function("rows", [outputs, strains], [ca.densify(rows), *slopes])
+
+
 def residual_function(goals: Sequence[Goal], arm: Arm, sections: int) -> ca.Function:
-    """Residuals of goals at one instant, and their derivatives.
+    """Residuals of goals at one instant, and their derivatives, as `rows_function` gives them.
 
     Parameters
     ----------
@@ -108,11 +130,5 @@ def residual_function(goals: Sequence[Goal], arm: Arm, sections: int) -> ca.Func
     Returns
     -------
     casadi.Function
-        ``(outputs (len(OUTPUTS),), strains (4, S)) -> residuals (R,), derivatives by outputs (R, len(OUTPUTS)) and by strains (R, 4 S)``;
-        the total derivative by the strains is the last plus the one before times the outputs' own.
     """
-    outputs, strains = ca.SX.sym("outputs", len(OUTPUTS)), ca.SX.sym("strains", 4, sections)
-    reading = ModelOutputs(arm, outputs, strains)
-    rows = ca.vertcat(*(residual for goal in goals for residual in goal.residuals(reading)))
-    slopes = [ca.densify(ca.jacobian(rows, inputs)) for inputs in (outputs, ca.vec(strains))]
-    return ca.Function("residuals", [outputs, strains], [ca.densify(rows), *slopes])
+    return rows_function(lambda outputs: [residual for goal in goals for residual in goal.residuals(outputs)], arm, sections)
