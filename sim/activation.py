@@ -192,7 +192,7 @@ class Wave:
     @property
     def whereabouts(self) -> object:
         """What decides `place`: templates that agree in it act in one place."""
-        return self.window, self.speed, self.width, self.onset, self.offset, self.end_level
+        return self.window, self.speed, self.width, self.onset, self.offset, self.end_level, self.profile, self.apex
 
     def place(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """Share of each cell in which a change of the level acts at `time`: what the fronts enclose then."""

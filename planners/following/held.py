@@ -78,7 +78,8 @@ class Held:
         self._model, self._pole = model, task.convention.pole
         self._rows, topological = list[_Row](), False
         for phase, (begin, end) in zip(task.phases, pairwise(edges), strict=True):
-            for goal in phase.goals:
+            # What is read on recordings alone, the model cannot hold.
+            for goal in (goal for goal in phase.goals if not getattr(goal, "simulated", False)):
                 function = rows_function(partial(_numbers, goal), model.arm, model.sections)
                 if _is_topology(function):
                     topological = True
