@@ -13,8 +13,9 @@ from octoctrl.sim.body.anatomy import PLAIN
 from octoctrl.sim.contact.measures import covered_winding, gaps
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene.objects import Capsule, Free, Plane, Sphere
+from octoctrl.sim.scene.objects import Capsule, Plane, Sphere
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.scene.supports import Free
 
 BALL = Sphere(name="ball", radius=0.01, position=(0.0, 0.16, 0.0155))
 PRESS = oc.Activation(templates=(oc.Plateau(groups=("LM2", "LM3", "LM4"), level=0.3, rise=0.1, window=(0.05, 0.2)),))

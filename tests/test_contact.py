@@ -15,7 +15,8 @@ from octoctrl.sim.contact.friction_kernels import follow, touch
 from octoctrl.sim.contact.measures import covered_winding, winding
 from octoctrl.sim.contact.shape_kernels import distance
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Free, Moved, Plane, Sphere, Springs, frame_of
+from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Plane, Sphere, frame_of
+from octoctrl.sim.scene.supports import Free, Moved, Springs
 
 PLACE, AXIS = (0.01, -0.02, 0.03), (0.3, 1.0, -0.4)
 SHAPES = (

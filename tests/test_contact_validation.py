@@ -18,7 +18,8 @@ from octoctrl.sim.rod.elastic import RodSimulation
 from octoctrl.sim.rod.elastic_kernels import rod_kernels
 from octoctrl.sim.rod.layout import Row, stride_for
 from octoctrl.sim.rod.rod import Rod
-from octoctrl.sim.scene.objects import Capsule, Free, Plane, Sphere
+from octoctrl.sim.scene.objects import Capsule, Plane, Sphere
+from octoctrl.sim.scene.supports import Free
 
 RADIUS, ELEMENTS, G, STEP = 0.025, 50, 9.80665, 1e-4
 ALONG, UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])

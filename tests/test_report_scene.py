@@ -17,7 +17,8 @@ from octoctrl.pictures.strands import strand_layers
 from octoctrl.sim.contact.measures import gaps
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.running.recording import StrandMotion
-from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Free, Plane, Sphere, Springs
+from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Plane, Sphere
+from octoctrl.sim.scene.supports import Free, Springs
 from octoctrl.sim.topology.measures import measure
 
 PLACE, AXIS = (0.01, -0.02, 0.03), (0.3, 1.0, -0.4)

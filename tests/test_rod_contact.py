@@ -10,8 +10,9 @@ from octoctrl.sim.contact.measures import covered_winding, gaps
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.contact.world import points_of
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene.objects import Box, Capsule, Free, Plane, Sphere
+from octoctrl.sim.scene.objects import Box, Capsule, Plane, Sphere
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.scene.supports import Free
 
 POST = Capsule(name="post", radius=8e-3, length=0.08, position=(0.0, 0.07, -0.022), axis=(1, 0, 0))
 CURL = oc.Activation(templates=(oc.Plateau(groups=("LM6", "LM7", "LM8"), level=0.3, rise=1.0, window=(0.05, 0.2)),))

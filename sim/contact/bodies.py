@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.objects import Fixed, Free, Moved, RigidObject, Springs, frame_of
+from ..scene.objects import RigidObject, frame_of
+from ..scene.supports import Fixed, Free, Moved, Springs
 from .columns import Body
 
 Floats = NDArray[np.float64]

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from ..contracts import Motion, joined
 from ..errors import OctoctrlError
-from ..scene.objects import Free, RigidObject
+from ..scene.objects import RigidObject
+from ..scene.supports import Free
 from .bodies import release
 from .columns import Anchor, Body
 from .measures import gaps

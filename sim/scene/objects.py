@@ -1,96 +1,21 @@
-"""Rigid objects that an arm may touch: their shape, how they are held, their mass and friction.
+"""Rigid objects that an arm may touch: their shape, their mass and friction.
 
-A shape is a class; how an object is held is an object of its own. Everything in SI units, frozen, complete when constructed.
+A shape is a class; how an object is held is an object of its own, see `octoctrl.sim.scene.supports`. Everything in SI units, frozen,
+complete when constructed.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from math import inf, isfinite, pi, sqrt
-from typing import ClassVar
+from math import inf, pi, sqrt
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import OctoctrlError, check_number
+from ..errors import OctoctrlError, brief, check_number
+from .supports import Fixed, Free, Push, Springs, Support, Vector, check_pair, check_vector
 
 Floats = NDArray[np.float64]
-Vector = tuple[float, float, float]
-
-
-# ---------------------------------------------------------------- how an object is held
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fixed:
-    """Does not move."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Moved:
-    """Goes its own way, whatever touches it.
-
-    Attributes
-    ----------
-    velocity : (float, float, float), m/s
-    spin : (float, float, float), rad/s
-    """
-
-    velocity: Vector = (0.0, 0.0, 0.0)
-    spin: Vector = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        for name in ("velocity", "spin"):
-            check_vector(name, getattr(self, name))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Free:
-    """Moves as it is pushed.
-
-    Attributes
-    ----------
-    since : float, s
-        Until then it is fixed.
-    damping : (float, float), 1/s
-        Rates at which the water takes its velocity and its angular momentum.
-    """
-
-    since: float = 0.0
-    damping: tuple[float, float] = (50.0, 5.0)
-
-    def __post_init__(self) -> None:
-        check_number("free: since", self.since, at_least=0.0, unit="s")
-        for rate in self.damping:
-            check_number("free: damping", rate, at_least=0.0, unit="1/s")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Springs:
-    """Held in place and direction by springs.
-
-    Attributes
-    ----------
-    stiffness : float, N/m
-    turning : float, N m
-        Against turning its axis away.
-    damping : (float, float), 1/s
-    """
-
-    stiffness: float = 100.0
-    turning: float = 0.16
-    damping: tuple[float, float] = (50.0, 5.0)
-
-    def __post_init__(self) -> None:
-        check_number("springs: stiffness", self.stiffness, above=0.0, unit="N/m")
-        check_number("springs: turning", self.turning, at_least=0.0, unit="N m")
-        for rate in self.damping:
-            check_number("springs: damping", rate, at_least=0.0, unit="1/s")
-
-
-Support = Fixed | Moved | Free | Springs
-
-
-# ---------------------------------------------------------------- objects
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,6 +33,8 @@ class RigidObject:
     density : float, kg/m^3, or None
         Of an object that can move, unless `mass` is given.
     mass : float, kg, or None
+    pushes : tuple of Push
+        Forces on an object that can move, besides those of the arm.
     water_mass : bool
         Whether a moving object drags along as much water as it displaces.
     friction : (float, float)
@@ -118,7 +45,7 @@ class RigidObject:
     Raises
     ------
     OctoctrlError
-        If a number is out of range, or an object that can move has no mass.
+        If a number is out of range, or an object that can move has no mass, or one is pushed that cannot.
     """
 
     name: str
@@ -130,14 +57,18 @@ class RigidObject:
     water_mass: bool = True
     friction: tuple[float, float] = (0.1, 0.1)
     stiffness: float = 2e6
+    pushes: tuple[Push, ...] = ()
 
     kind: ClassVar[int]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise OctoctrlError(f"an object's name is {brief(repr(self.name))}; a word is needed, such as 'post'")
         check_vector(f"object '{self.name}': position", self.position)
         check_vector(f"object '{self.name}': axis", self.axis)
         if not any(self.axis):
             raise OctoctrlError(f"object '{self.name}': axis is zero; give a direction, such as (0, 1, 0)")
+        check_pair(f"object '{self.name}': friction", self.friction, "(0.1, 0.1), static and kinetic")
         for label, value in zip(("static", "kinetic"), self.friction, strict=True):
             check_number(f"object '{self.name}': {label} friction", value, at_least=0.0)
         if self.friction[1] > self.friction[0]:
@@ -149,12 +80,21 @@ class RigidObject:
         for label, given in (("density", self.density), ("mass", self.mass)):
             if given is not None:
                 check_number(f"object '{self.name}': {label}", given, above=0.0, unit="kg/m^3" if label == "density" else "kg")
+        if not isinstance(self.support, Support):
+            raise OctoctrlError(
+                f"object '{self.name}': support is {brief(self.support)}; use Fixed(), Moved(...), Free(...) or Springs(...)"
+            )
         if self.mass is not None and self.density is not None:
             raise OctoctrlError(f"object '{self.name}' has a mass and a density; give one of them")
         if self.movable and self.weight is None:
             raise OctoctrlError(f"object '{self.name}' can move but has no mass; give mass or density")
         for size in self.sizes:
             check_number(f"object '{self.name}': size", size, above=0.0, unit="m")
+        object.__setattr__(self, "pushes", _several(self.pushes))
+        if not all(isinstance(push, Push) for push in self.pushes):
+            raise OctoctrlError(f"object '{self.name}': pushes is {brief(self.pushes)}; give a tuple of Push(force=...)")
+        if self.pushes and not self.movable:
+            raise OctoctrlError(f"object '{self.name}' is pushed but cannot move; use support Free() or Springs()")
 
     @property
     def movable(self) -> bool:
@@ -291,6 +231,10 @@ class Box(RigidObject):
     size: Vector
     kind: ClassVar[int] = 3
 
+    def __post_init__(self) -> None:
+        check_vector(f"object '{self.name}': size", self.size)
+        RigidObject.__post_init__(self)
+
     @property
     def sizes(self) -> tuple[float, ...]:
         """Half edges."""
@@ -369,16 +313,9 @@ def frame_of(item: RigidObject) -> Floats:
     return np.array([d1, np.cross(d3, d1), d3])
 
 
-def check_vector(name: str, value: object) -> None:
-    """Check three finite numbers.
-
-    Raises
-    ------
-    OctoctrlError
-        If `value` is anything else.
-    """
-    if not isinstance(value, tuple | list) or len(value) != 3 or not all(isinstance(v, int | float) and isfinite(v) for v in value):
-        raise OctoctrlError(f"{name} is {value!r}; three finite numbers are needed, such as (0, 0.04, 0)")
+def _several(value: Any) -> tuple[Any, ...]:
+    """What was given as a tuple, also if it is one thing or nothing that can be gone through."""
+    return tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else (value,)
 
 
 def checked_objects(objects: Iterable[RigidObject]) -> tuple[RigidObject, ...]:
@@ -389,10 +326,12 @@ def checked_objects(objects: Iterable[RigidObject]) -> tuple[RigidObject, ...]:
     OctoctrlError
         If one is no object, or two have one name.
     """
-    found = tuple(objects)
+    found = _several(objects)
     for item in found:
         if not isinstance(item, RigidObject):
-            raise OctoctrlError(f"{item!r} is no object that an arm can touch; use one of {', '.join(k.__name__ for k in SHAPES.values())}")
+            raise OctoctrlError(
+                f"{brief(repr(item))} is no object that an arm can touch; use one of {', '.join(k.__name__ for k in SHAPES.values())}"
+            )
     names = [item.name for item in found]
     for name in names:
         if names.count(name) > 1:
