@@ -15,6 +15,7 @@ from ..contact.columns import Anchor, Body
 from ..contact.friction_kernels import follow as follow_point
 from ..contact.friction_kernels import touch as touch_point
 from ..contact.near_kernels import NEAR, find_near
+from ..contact.pair_kernels import find_pairs
 from ..contact.shape_kernels import distance
 from .family_kernels import family_offsets
 
@@ -57,6 +58,7 @@ def contact_kernels(grid: AssemblyGrid) -> Any:
             places[0, p], places[1, p], places[2, p] = place(b, k)
             places[3, p] = points.radius[p]
         find_near(world, np.sqrt(fastest), span)
+        find_pairs(world, span)
 
     @kernel
     def touch(b: Any, world: Any, h: Any) -> None:

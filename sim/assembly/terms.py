@@ -12,6 +12,7 @@ from ..body.anatomy import Traits
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from ..contact.body_kernels import kick_bodies
+from ..contact.pair_kernels import meet
 from .between_kernels import between_kernels
 from .contact_kernels import contact_kernels
 from .crossing_kernels import crossing_kernels
@@ -220,6 +221,7 @@ def _touched(grid: AssemblyGrid, touching: bool, terms: Terms) -> Terms:
     def touch(b: Any, share: Any, step: Any) -> None:
         kick_bodies(step.world.bodies, np.float64(step.h))
         exchange(b, step.world, np.float64(step.h))
+        meet(step.world, np.float64(step.h))
 
     @kernel
     def follow(b: Any, share: Any, step: Any) -> None:

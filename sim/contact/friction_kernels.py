@@ -62,18 +62,19 @@ def mobility_along(body, b1, b2, b3, e1, e2, e3):
 
 
 @kernel
-def touch(body, anchors, point, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm_tangent, stiffness, h):
-    """Impulse on the arm at the place c, where its surface moves with v; the body receives the opposite at once."""
-    b1, b2, b3 = c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2]
-    v1, v2, v3 = relative(body, b1, b2, b3, v1, v2, v3)
+def impulse(body, anchors, point, gap, n1, n2, n3, b1, b2, b3, v1, v2, v3, arm_normal, arm_tangent, crowd, stiffness, h):
+    """Normal impulse and its sum with friction, at the lever b of the body, past which the other surface moves with v.
+
+    A `crowd` of points whose impulses do not see one another is as light as a single one of them times their number.
+    """
     normal_speed = v1 * n1 + v2 * n2 + v3 * n3
-    w = arm_normal + mobility_along(body, b1, b2, b3, n1, n2, n3)
+    w = crowd * (arm_normal + mobility_along(body, b1, b2, b3, n1, n2, n3))
     damping = 2 * ZETA * np.sqrt(stiffness / w) if gap < 0 else 0.0
     a = h * (h * stiffness + damping)
     p = (-h * stiffness * gap - a * normal_speed) / (1 + a * w)
     if not p > 0:
         apart(anchors, point)
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
     t1, t2, t3 = v1 - normal_speed * n1, v2 - normal_speed * n2, v3 - normal_speed * n3
     s1, s2, s3 = anchors[point, STRETCH], anchors[point, STRETCH + 1], anchors[point, STRETCH + 2]
     out = s1 * n1 + s2 * n2 + s3 * n3
@@ -81,7 +82,7 @@ def touch(body, anchors, point, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_nor
     tangential = TANGENTIAL * stiffness
     e1, e2, e3 = s1 + h * t1, s2 + h * t2, s3 + h * t3
     size = np.sqrt(e1 * e1 + e2 * e2 + e3 * e3) + TINY
-    w = arm_tangent + mobility_along(body, b1, b2, b3, e1 / size, e2 / size, e3 / size)
+    w = crowd * (arm_tangent + mobility_along(body, b1, b2, b3, e1 / size, e2 / size, e3 / size))
     b = h * (h * tangential + 2 * ZETA * np.sqrt(tangential / w))
     share = 1 / (1 + b * w)
     q1 = -(h * tangential * s1 + b * t1) * share
@@ -97,37 +98,60 @@ def touch(body, anchors, point, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_nor
         anchors[point, SLIDING] = 0.0
     anchors[point, STRETCH], anchors[point, STRETCH + 1], anchors[point, STRETCH + 2] = s1, s2, s3
     anchors[point, NORMAL] = p / h
-    p1, p2, p3 = p * n1 + q1, p * n2 + q2, p * n3 + q3
-    l1, l2, l3 = b2 * p3 - b3 * p2, b3 * p1 - b1 * p3, b1 * p2 - b2 * p1
+    return p, p * n1 + q1, p * n2 + q2, p * n3 + q3
+
+
+@kernel
+def push(body, p1, p2, p3, l1, l2, l3):
+    """Give a body the impulse p and the angular momentum l about its centre."""
     mobility = body[INVERSE_MASS]
     if mobility > 0:
-        body[VELOCITY] -= mobility * p1
-        body[VELOCITY + 1] -= mobility * p2
-        body[VELOCITY + 2] -= mobility * p3
-        body[MOMENTUM] -= l1
-        body[MOMENTUM + 1] -= l2
-        body[MOMENTUM + 2] -= l3
-    body[IMPULSE] -= p1
-    body[IMPULSE + 1] -= p2
-    body[IMPULSE + 2] -= p3
-    body[COUPLE] -= l1
-    body[COUPLE + 1] -= l2
-    body[COUPLE + 2] -= l3
-    body[SUM] += p
-    body[DEEPEST] = max(body[DEEPEST], -gap)
-    body[LOADED] += 1.0
+        body[VELOCITY] += mobility * p1
+        body[VELOCITY + 1] += mobility * p2
+        body[VELOCITY + 2] += mobility * p3
+        body[MOMENTUM] += l1
+        body[MOMENTUM + 1] += l2
+        body[MOMENTUM + 2] += l3
+
+
+@kernel
+def touch(body, anchors, point, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm_tangent, stiffness, h):
+    """Impulse on the arm at the place c, where its surface moves with v; the body receives the opposite, and keeps account of it."""
+    b1, b2, b3 = c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2]
+    v1, v2, v3 = relative(body, b1, b2, b3, v1, v2, v3)
+    p, p1, p2, p3 = impulse(
+        body, anchors, point, gap, n1, n2, n3, b1, b2, b3, v1, v2, v3, arm_normal, arm_tangent, 1.0, stiffness, h
+    )  # fmt: skip
+    if p > 0:
+        l1, l2, l3 = b2 * p3 - b3 * p2, b3 * p1 - b1 * p3, b1 * p2 - b2 * p1
+        push(body, -p1, -p2, -p3, -l1, -l2, -l3)
+        body[IMPULSE] -= p1
+        body[IMPULSE + 1] -= p2
+        body[IMPULSE + 2] -= p3
+        body[COUPLE] -= l1
+        body[COUPLE + 1] -= l2
+        body[COUPLE + 2] -= l3
+        body[SUM] += p
+        body[DEEPEST] = max(body[DEEPEST], -gap)
+        body[LOADED] += 1.0
     return p1, p2, p3
 
 
 @kernel
 def follow(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
+    """Move the anchor of a point of the arm; the body's row keeps the longest path slid."""
+    move_anchor(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h)
+    body[SLIPPED] = max(body[SLIPPED], anchors[point, SLIP])
+
+
+@kernel
+def move_anchor(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
     """At the end of the step an anchor that holds is stretched by the motion that really takes place; one that slides counts its path."""
     v1, v2, v3 = relative(body, c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2], v1, v2, v3)
     normal_speed = v1 * n1 + v2 * n2 + v3 * n3
     t1, t2, t3 = v1 - normal_speed * n1, v2 - normal_speed * n2, v3 - normal_speed * n3
     if anchors[point, SLIDING] > 0:
         anchors[point, SLIP] += h * np.sqrt(t1 * t1 + t2 * t2 + t3 * t3)
-        body[SLIPPED] = max(body[SLIPPED], anchors[point, SLIP])
     else:
         anchors[point, STRETCH] += h * t1
         anchors[point, STRETCH + 1] += h * t2

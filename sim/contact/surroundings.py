@@ -2,21 +2,25 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contracts import Motion, joined
 from ..errors import OctoctrlError
-from ..scene.objects import RigidObject
+from ..scene.objects import RigidObject, frame_of
 from ..scene.supports import Free
 from .bodies import release
 from .columns import Anchor, Body
+from .markers import markers_of
 from .measures import gaps
 from .world import Nodes, Points, World
 
 Floats = NDArray[np.float64]
 
+ROUNDING = 1e-6
+"""Overlap (m) of two objects that counts as touching."""
 PREFIX = "touch "
 """Before the names of objects in the series of a recording."""
 
@@ -99,22 +103,28 @@ class Surroundings:
         self.world = World.of(self.points, self.objects, water_density=self.water_density)
 
     def check(self, places: Floats) -> None:
-        """Check that no object overlaps the arm whose points are at `places` (P, 3), m.
+        """Check that nothing overlaps the arm whose points are at `places` (P, 3), m, or what can be moved.
+
+        Objects that stay where they are may overlap one another: together they are one of another shape.
 
         Raises
         ------
         OctoctrlError
-            If one does; the message names it, the depth and the place.
+            If something does; the message names it, the depth and the place.
         """
         for item in self.objects:
-            frame = self.world.bodies[self.objects.index(item), Body.FRAME : Body.FRAME + 9].reshape(1, 3, 3)
-            gap = gaps(places[None], item, np.array([item.position]), frame)[0] - self.points.radius
-            worst = int(gap.argmin())
-            if gap[worst] < 0:
-                where = ", ".join(f"{value:.3g}" for value in places[worst])
+            depth, where = _overlap(places, self.points.radius, item)
+            if depth > 0:
                 raise OctoctrlError(
-                    f"object '{item.name}' overlaps the arm at rest by {-1e3 * gap[worst]:.2g} mm, near ({where}) m; "
-                    "move it or make it smaller"
+                    f"object '{item.name}' overlaps the arm at rest by {1e3 * depth:.2g} mm, near {where} m; move it or make it smaller"
+                )
+        for small, large in self.world.pairs.pairs:
+            one, other = self.objects[small], self.objects[large]
+            rows = markers_of(one)
+            depth, where = _overlap(np.asarray(one.position) + rows[:, :3] @ frame_of(one), rows[:, 3], other)
+            if depth > ROUNDING:
+                raise OctoctrlError(
+                    f"object '{one.name}' overlaps object '{other.name}' by {1e3 * depth:.2g} mm, near {where} m; move one of them"
                 )
 
     def moved(self, first: int, samples: int, sample: float, go: Callable[[slice], Motion]) -> Motion:
@@ -135,29 +145,28 @@ class Surroundings:
         motions: list[Motion] = []
         done = 0
         while done < samples:
-            self.release(first + done, sample)
-            free = self.before_release(first + done, sample)
-            motions.append(go(slice(done, (samples if free is None else min(samples, done + free)) + 1)))
+            self.change(first + done, sample)
+            left = self.before_change(first + done, sample)
+            motions.append(go(slice(done, (samples if left is None else min(samples, done + left)) + 1)))
             done += len(motions[-1].points)
             if motions[-1].finding:
                 break
         return joined(motions)
 
-    def before_release(self, first: int, sample: float) -> int | None:
-        """Samples from number `first` to the next release of an object; None if there is none."""
-        due = [
-            max(round(item.support.since / sample), first) - first
-            for item, body in zip(self.objects, self.world.bodies, strict=True)
-            if isinstance(item.support, Free) and body[Body.INVERSE_MASS] == 0
-        ]
+    def before_change(self, first: int, sample: float) -> int | None:
+        """Samples from number `first` to where an object is let go, or a push begins or ends; None if there is no such."""
+        due = [number - first for item in self.objects for number in _changes(item, sample) if number > first]
         return min(due, default=None)
 
-    def release(self, first: int, sample: float) -> None:
-        """Let go of the objects whose time has come at sample number `first`."""
+    def change(self, first: int, sample: float) -> None:
+        """Let go of the objects whose time has come at sample number `first`, and begin or end what pushes them."""
         for item, body in zip(self.objects, self.world.bodies, strict=True):
-            held = isinstance(item.support, Free) and body[Body.INVERSE_MASS] == 0
-            if held and round(item.support.since / sample) <= first:  # type: ignore[union-attr]
+            support = item.support
+            if isinstance(support, Free) and body[Body.INVERSE_MASS] == 0 and round(support.since / sample) <= first:
                 release(body, item, self.water_density)
+            if first in _changes(item, sample):
+                acting = [push.force for push in item.pushes if _number(push.since, sample) <= first < _number(push.until, sample)]
+                body[Body.PUSH : Body.PUSH + 3] = np.sum(acting, axis=0) if acting else 0.0
 
     def series(self, world: World) -> dict[str, Floats]:
         """What `world` has notes of, by name of the object: to be read as a `Touch`."""
@@ -171,8 +180,28 @@ class Surroundings:
 
     def state(self) -> dict[str, Floats]:
         """Copies of the arrays that hold all of it."""
-        return {"bodies": self.world.bodies.copy(), "anchors": self.world.anchors.copy()}
+        world = self.world
+        return {"bodies": world.bodies.copy(), "anchors": world.anchors.copy(), "between": world.pairs.anchors.copy()}
 
     def restore(self, state: Mapping[str, Floats]) -> None:
         """Go back to a `state`."""
-        self.world.bodies[:], self.world.anchors[:] = state["bodies"], state["anchors"]
+        self.world.bodies[:], self.world.anchors[:], self.world.pairs.anchors[:] = state["bodies"], state["anchors"], state["between"]
+
+
+def _changes(item: RigidObject, sample: float) -> set[int]:
+    """Numbers of the samples at which an object is let go, or a push on it begins or ends."""
+    times = [item.support.since] if isinstance(item.support, Free) and item.support.since > 0 else []
+    times += [time for push in item.pushes for time in (push.since, push.until) if isfinite(time)]
+    return {round(time / sample) for time in times}
+
+
+def _number(time: float, sample: float) -> float:
+    """Number of the sample at a `time` (s), which may be never."""
+    return round(time / sample) if isfinite(time) else time
+
+
+def _overlap(places: Floats, radius: Floats, item: RigidObject) -> tuple[float, str]:
+    """How deep balls at `places` (P, 3) lie in an object at its begin, m, and where the deepest is."""
+    gap = gaps(places[None], item, np.array([item.position]), frame_of(item)[None])[0] - radius
+    worst = int(gap.argmin())
+    return -float(gap[worst]), f"({', '.join(f'{value:.3g}' for value in places[worst])})"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..scene.objects import RigidObject
 from .bodies import rows_of
 from .columns import Anchor, Body
+from .markers import Pairs
 
 Floats = NDArray[np.float64]
 
@@ -69,6 +70,8 @@ class World(NamedTuple):
         Points that may meet each body until one looks again, and how many they are: `counts` (M,) int64.
     meetings : (M, P, 7) float64
         Normal, place and lever of these in the present step.
+    pairs : Pairs
+        Bodies that may touch each other.
     notes : (T, M, Body.WIDTH) float64
         The bodies at the end of each sample.
     """
@@ -80,6 +83,7 @@ class World(NamedTuple):
     near: NDArray[np.int64]
     counts: NDArray[np.int64]
     meetings: Floats
+    pairs: Pairs
     notes: Floats
 
     @classmethod
@@ -94,6 +98,7 @@ class World(NamedTuple):
             near=np.zeros((len(bodies), count), dtype=np.int64),
             counts=np.zeros(len(bodies), dtype=np.int64),
             meetings=np.zeros((len(bodies), count, 7)),
+            pairs=Pairs.of(objects),
             notes=np.empty((0, len(bodies), Body.WIDTH)),
         )
 

@@ -12,6 +12,7 @@ from ..contact.columns import Anchor, Body
 from ..contact.friction_kernels import follow as follow_point
 from ..contact.friction_kernels import touch as touch_point
 from ..contact.near_kernels import NEAR, find_near
+from ..contact.pair_kernels import find_pairs
 from ..contact.shape_kernels import distance
 from .layout import offsets
 
@@ -87,6 +88,7 @@ def rod_contact_kernels(stride, constant_section=False):
             places[0, p], places[1, p], places[2, p] = place(b, k, points.share[p])
             places[3, p] = present_radius(b, points, p, k)
         find_near(world, np.sqrt(fastest), span)
+        find_pairs(world, span)
 
     @kernel
     def touch(b, world, h):

@@ -15,6 +15,7 @@ from ..body.layout import Family, MuscleLayout
 from ..compiler import kernel
 from ..contact.body_kernels import drift_bodies, kick_bodies
 from ..contact.note_kernels import note
+from ..contact.pair_kernels import meet
 from ..contracts import Floats
 from ..physics.fibre_kernels import LawConstants
 from .contact_kernels import rod_contact_kernels
@@ -128,6 +129,7 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
                 if touching:
                     kick_bodies(world.bodies, h)
                     touch(b, world, h)
+                    meet(world, h)
                 brake(b, n)
                 relax(b, n)
                 if touching:
