@@ -40,14 +40,21 @@ targets = st.one_of(
     st.fixed_dictionaries({"between": st.tuples(st.floats(-5, 0), st.floats(0, 5))}),
 )
 common = {"tolerance": positive, "hold": st.floats(0, 0.3), "when": st.sampled_from(list(When))}
+
+
+def named(kind):
+    """Names of objects that a kind of goal needs."""
+    return {item.name: names for item in fields(kind) if item.name in ("object", "other")}
+
+
 special = {
     "tip": st.fixed_dictionaries(common | {"value": vectors}),
     "tip_tangent": st.fixed_dictionaries(common | {"direction": st.permutations((0.0, 1.0, 0.0)).map(tuple)}),
     "keep_out": st.fixed_dictionaries(common | {"shape": bodies, "margin": positive}),
     **{
-        name: st.builds(lambda some, target: some | target, st.fixed_dictionaries(common | {"object": names}), targets)
+        name: st.builds(lambda some, target: some | target, st.fixed_dictionaries(common | named(kind)), targets)
         for name, kind in goal_kinds().items()
-        if "object" in {item.name for item in fields(kind)}
+        if named(kind)
     },
     "sucker_side": st.fixed_dictionaries(common | {"at_most": st.floats(-1, 1), "azimuth": finite}),
 }

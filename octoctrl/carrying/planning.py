@@ -87,6 +87,8 @@ def plan(
             plant=configuration.run.plant if plant is None else plant,
             time_limit=limit,
             seed=configuration.plan.seed,
+            spread=configuration.plan.spread,
+            errors={name: getattr(configuration.plan, f"{name}_error") for name in ("twist", "bend", "profile")},
             executor=executor,
             progress=progress,
         )

@@ -3,7 +3,7 @@
 import importlib
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, StrEnum
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -151,7 +151,7 @@ class Check:
     ----------
     name : str
     value, limit : float
-        In `unit`; a value that is not a number passes no limit.
+        In `unit`; a value that is not a number passes no limit. What has an infinite limit is told, not judged.
     unit : str
     """
 
@@ -169,6 +169,11 @@ class Check:
     def margin(self) -> float:
         """Distance to the limit in the value's unit; negative when the check failed."""
         return self.limit - self.value
+
+    @property
+    def judged(self) -> bool:
+        """Whether there is a limit."""
+        return self.limit < inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,7 +267,9 @@ def verdict_text(verdict: Verdict) -> str:
     rows = []
     for check in verdict.checks:
         unit = f" {check.unit}" if check.unit else ""
-        numbers = [f"{number(value)}{unit}" if isfinite(value) else "never" for value in (check.value, check.limit)]
-        rows.append((check.name, *numbers, number(check.margin) if isfinite(check.margin) else "", "pass" if check.passed else "FAIL"))
-    good = sum(check.passed for check in verdict.checks)
-    return "\n".join([*table(("check", "value", "limit", "margin", ""), rows), f" VERDICT {verdict.status} ({good}/{len(verdict.checks)})"])
+        value, limit = (f"{number(item)}{unit}" if isfinite(item) else "never" for item in (check.value, check.limit))
+        margin, said = number(check.margin) if isfinite(check.margin) else "", "pass" if check.passed else "FAIL"
+        rows.append((check.name, value, limit, margin, said) if check.judged else (check.name, value, "", "", ""))
+    judged = [check for check in verdict.checks if check.judged]
+    good = sum(check.passed for check in judged)
+    return "\n".join([*table(("check", "value", "limit", "margin", ""), rows), f" VERDICT {verdict.status} ({good}/{len(judged)})"])

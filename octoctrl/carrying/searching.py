@@ -6,7 +6,7 @@ from rest, as planned; the next candidate follows where one misses. Only that de
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
@@ -20,7 +20,7 @@ from octoctrl.planners.asking.wrapping import Swing, TwistCurve, with_curve
 from octoctrl.planners.contracts import Floats, Primitive
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.planners.solving.cross_entropy import Candidate, Searched, search
-from octoctrl.planners.solving.grasping import FIRST_TWISTS, check_objects, grasp_drives, objects_held, too_short
+from octoctrl.planners.solving.grasping import FIRST_TWISTS, check_objects, grasp_drives, held_at_the_end, objects_held, too_short
 from octoctrl.planners.solving.plan import GoalReport, Plan, PlanReport, PlanStatus
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.body.arm import Arm
@@ -36,21 +36,19 @@ from octoctrl.sim.topology.trace import TopologyTrace
 from ..progress import NullProgress, Progress
 from .calibrating import twist_curve
 from .trials import Stage, misses, plant_for, schedule_of, since
+from .tugging import tugs
 
 SEARCHED_ON = "rod"
 """The plant on which is searched."""
 
-ENOUGH = 0.5
-"""Price of a candidate that needs no bettering: a grasp that covers a turn in the worst scenario."""
-
-GOOD = 0.9
-"""Price above which a search from other numbers follows."""
+ENOUGH, BAD = 0.15, 2.5
+"""Price of a goal that needs no bettering, unless it says one, and how many times that of all goals another search has to follow."""
 
 SEARCHES, CANDIDATES, APART = 3, 3, 0.6
 """Searches of a phase at most, candidates that are checked on the plant, and how far apart these lie, in first spreads."""
 
-EVERY = 5
-"""Recorded instants between those whose strains a plan keeps."""
+KEPT, EVERY = 2, 5
+"""Samples between recorded instants of a check, and instants between those whose strains a plan keeps."""
 
 
 @dataclass(slots=True)
@@ -68,6 +66,10 @@ class Work:
     seed : int
     population, rounds : int
         Of each search.
+    spread : float
+        How far it looks at first, over the usual.
+    errors : dict of str to float
+        Of the scenarios, see `octoctrl.planners.solving.scenarios.four`.
     """
 
     arm: Arm
@@ -78,6 +80,8 @@ class Work:
     seed: int
     population: int = 18
     rounds: int = 5
+    spread: float = 1.0
+    errors: Mapping[str, float] = field(default_factory=dict)
     begin: float = field(default_factory=perf_counter)
 
     def over(self) -> bool:
@@ -94,6 +98,8 @@ def plan_by_search(
     seed: int = 0,
     population: int = 18,
     rounds: int = 5,
+    spread: float = 1.0,
+    errors: Mapping[str, float] | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Plan:
@@ -113,6 +119,10 @@ def plan_by_search(
     seed : int
     population, rounds : int
         Of each search.
+    spread : float
+        How far it looks at first from the task's own numbers, over the usual.
+    errors : mapping of str to float, optional
+        ``twist``, ``bend`` and ``profile`` of the scenarios, see `octoctrl.planners.solving.scenarios.four`.
     executor : Executor, optional
         Of `concurrent.futures`, or anything like it; all cores of this machine if omitted. What is found does not depend on it.
     progress : Progress, optional
@@ -138,7 +148,7 @@ def plan_by_search(
     own = curve if plant == SEARCHED_ON else twist_curve(arm, scene.water, plant, progress=display)
     held: AbstractContextManager[Executor] = nullcontext(executor) if executor is not None else ThreadPoolExecutor(os.cpu_count())
     with held as workers:
-        work = Work(arm, scene, workers, display, time_limit, seed, population, rounds)
+        work = Work(arm, scene, workers, display, time_limit, seed, population, rounds, spread, errors or {})
         found = _searched(task, work, curve)
     searched = process_time() - processor
     made = _checked(found, model, own, plant, display)
@@ -221,7 +231,7 @@ def _scenarios(task: Task, work: Work) -> tuple[Scenario, ...]:
     """Four in which no object overlaps the arm at rest: directions are drawn until none does."""
     draw, held = np.random.default_rng(work.seed), set(objects_held(task))
     for _ in range(50):
-        found = four(draw)
+        found = four(draw, **work.errors)
         try:
             for scenario in found:
                 plant_for(SEARCHED_ON, work.arm, scenario.scene(work.scene, held))
@@ -229,7 +239,7 @@ def _scenarios(task: Task, work: Work) -> tuple[Scenario, ...]:
         except OctoctrlError:
             continue
     plant_for(SEARCHED_ON, work.arm, work.scene)
-    return tuple(replace(scenario, shift=(0.0, 0.0, 0.0)) for scenario in four(draw))
+    return tuple(replace(scenario, shift=(0.0, 0.0, 0.0)) for scenario in four(draw, **work.errors))
 
 
 def _starts(task: Task, index: int, work: Work) -> list[Task]:
@@ -253,12 +263,14 @@ def _stage(
     return Stage(
         task=task, phase=phase, begins=begins_of(task), drives=drives, settled=settled, arm=work.arm, scene=work.scene,
         held=frozenset(objects_held(task)), scenarios=scenarios, states=states, plant=SEARCHED_ON, curve=curve,
+        spread=work.spread,
     )  # fmt: skip
 
 
 def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tuple[Stage, Candidate]], list[str], int]:
     """Search a phase from one start after the other, until one is good; the best candidates that lie apart, and what was tried."""
     found: list[tuple[Stage, Searched]] = []
+    enough = sum(float(getattr(goal, "enough", ENOUGH)) for goal in stages[0].phase.goals)
     name = stages[0].phase.name
     if not stages[0].unknowns.names:
         x = np.zeros(0)
@@ -268,15 +280,13 @@ def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tup
         try:
             result = search(
                 stage, stage.unknowns, work.executor, seed=work.seed + 1000 * index + number, population=work.population,
-                rounds=work.rounds, enough=ENOUGH * max(len(stage.phase.goals), 1), stop=work.over, progress=work.progress,
+                rounds=work.rounds, enough=enough, stop=work.over, progress=work.progress,
             )  # fmt: skip
         finally:
             work.progress.stop()
         if result.candidates:
             found.append((stage, result))
-        if result.ended in ("interrupted", "the time was up") or (
-            result.candidates and result.best.price < GOOD * max(len(stage.phase.goals), 1)
-        ):
+        if result.ended in ("interrupted", "the time was up") or (result.candidates and result.best.price < BAD * enough):
             break
     if not found:
         raise OctoctrlError(f"nothing of phase '{name}' was tried within the time limit of {work.limit:g} s; raise time_limit")
@@ -294,12 +304,14 @@ def _checked(found: Findings, model: ReducedModel, curve: TwistCurve, plant: str
         progress.start(f"checking candidate {number + 1} on the plant '{plant}'", None)
         try:
             made, worst = _carried_out(programme, primitives, model, plant)
+            tugged = _tugged(made, plant) if worst <= 1 else []
         except PlantUnstableError as error:
             said.append(f"candidate {number + 1} on the plant '{plant}': {error}")
             continue
         finally:
             progress.stop()
         said.append(f"candidate {number + 1} on the plant '{plant}': worst goal {worst:.2f} tolerances")
+        said += tugged
         if best is None or worst < best[0]:
             best = worst, made
         if worst <= 1:
@@ -322,7 +334,7 @@ def _carried_out(programme: Programme, primitives: tuple[Primitive, ...], model:
     task, begins = programme.task, begins_of(programme.task)
     duration = sum(phase.duration for phase in task.phases)
     schedule = schedule_of(primitives, duration)
-    moved = plant_for(plant, model.arm, model.scene, 2)
+    moved = plant_for(plant, model.arm, model.scene, KEPT)
     moved.reset()
     recording = moved.advance(schedule.activation(), duration)
     goals: list[GoalReport] = []
@@ -351,6 +363,16 @@ def _carried_out(programme: Programme, primitives: tuple[Primitive, ...], model:
         report=PlanReport(numbers=programme.numbers, goals=tuple(goals), headroom=1.0 - float(recording.levels.max())),
     )
     return made, worst
+
+
+def _tugged(made: Plan, plant: str) -> list[str]:
+    """What tugs at the held objects met, at the end of a run on a plant that is where the plan ends."""
+    moved = plant_for(plant, made.arm, made.scene, KEPT)
+    said = []
+    for name in sorted(held_at_the_end(made.task)):
+        found = tugs(moved, made.schedule.activation(), name, model=plant)
+        said += [f"tug at '{name}' {word} {'its axis' if word == 'along' else 'it'}: {tug}" for word, tug in found.items()]
+    return said
 
 
 def strains_of(model: ReducedModel, recording: Recording, kept: Floats, edges: Floats) -> Floats:

@@ -37,6 +37,9 @@ HOPELESS, LOST = 2.0, 9.0
 DEEP = 1e-3
 """Depth of contact from which on it costs, m: real ones are ten times smaller."""
 
+LOOKED_AT = 0.4
+"""Time before the end of a phase that a search looks at at least, s, so that what is still moving shows."""
+
 SPREADS = {
     "azimuth": 0.8, "level": 0.12, "profile": 0.6, "start": 0.03, "stop": 0.02, "speed": 0.04, "delay": 0.3, "turns": 0.15,
     "lasts": 0.1, "rise": 0.3, "fall": 0.3,
@@ -102,6 +105,9 @@ class Stage:
     curve : TwistCurve
         Of that plant.
     hopeless : float
+        Price beyond which a trial is not tried in further scenarios.
+    spread : float
+        How far a search looks at first, over `SPREADS`.
     """
 
     task: Task
@@ -117,6 +123,7 @@ class Stage:
     plant: str
     curve: TwistCurve
     hopeless: float = HOPELESS
+    spread: float = 1.0
     names: tuple[tuple[int, str], ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
@@ -132,7 +139,7 @@ class Stage:
             low, high = (drive.primitive.bounds() | {"delay": DELAY_BOUNDS})[name]
             if name in FARTHEST:
                 high = min(high, FARTHEST[name] * self.arm.length)
-            rows.append((drive.number(name), SPREADS.get(name, (high - low) / 4), low, high))
+            rows.append((drive.number(name), self.spread * SPREADS.get(name, (high - low) / 4), low, high))
         mean, spread, low_, high_ = np.array(rows).T if rows else np.zeros((4, 0))
         labels = tuple(f"{self.drives[index].name}.{name}" for index, name in self.names)
         return Unknowns(names=labels, mean=mean, spread=spread, low=low_, high=high_)
@@ -161,7 +168,13 @@ class Stage:
 
     def price(self, recording: Recording) -> float:
         """What the goals of the phase cost on a `recording` of it, and what sinks in too deep."""
-        total = sum(price_of(goal, recording, self.arm, self.task) for goal in self.phase.goals)
+        windows: dict[float, RecordedOutputs] = {}
+        total = 0.0
+        for goal in self.phase.goals:
+            begin = 0.0 if goal.when is When.THROUGHOUT else float(recording.time[-1]) - max(goal.hold, LOOKED_AT)
+            if begin not in windows:
+                windows[begin] = RecordedOutputs(since(recording, begin), None, self.arm)  # type: ignore[arg-type]
+            total += price_of(goal, windows[begin], self.task)
         depth = max((float(values.deepest.max()) for values in touches(recording).values()), default=0.0)
         return total + 1e3 * max(depth - DEEP, 0.0)
 
@@ -198,17 +211,15 @@ def touches(recording: Recording) -> dict[str, Touch]:
     return {name: Touch.of(recording.series, name) for name in names}
 
 
-def price_of(goal: Any, recording: Recording, arm: Arm, task: Task) -> float:
-    """What a `goal` of a `task` costs on the `recording` of its phase with this `arm`.
+def price_of(goal: Any, outputs: RecordedOutputs, task: Task) -> float:
+    """What a `goal` of a `task` costs on the `outputs` of the instants in which it counts.
 
     Its own price, or the logarithm of its largest miss in tolerances.
     """
-    whole = goal.when is When.THROUGHOUT
-    kept = recording if whole else since(recording, recording.time[-1] - max(goal.hold, 0.4))
     own: Callable[[RecordedOutputs], float] | None = getattr(goal, "price", None)
     if own is not None:
-        return own(RecordedOutputs(kept, None, arm))  # type: ignore[arg-type]
-    return log_share(goal.miss(kept, _trace(kept, task), arm), goal.tolerance)
+        return own(outputs)
+    return log_share(goal.miss(outputs.recording, _trace(outputs.recording, task), outputs.arm), goal.tolerance)
 
 
 def misses(phase: Phase, recording: Recording, arm: Arm, task: Task) -> tuple[float, ...]:

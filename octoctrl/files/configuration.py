@@ -27,14 +27,25 @@ class PlanSettings:
         Wall-clock limit of the optimisation; the best plan so far is kept.
     seed : int
         Of the numbers that are drawn where a task is searched by simulating.
+    spread : float
+        How far such a search looks at first from the task's own numbers, over the usual.
+    twist_error, bend_error, profile_error : float
+        What such a plan must withstand: shares by which twist and bends may come out otherwise, and by how much a bend's profile may.
     """
 
     time_limit: float = 60.0
     seed: int = 0
+    spread: float = 1.0
+    twist_error: float = 0.3
+    bend_error: float = 0.15
+    profile_error: float = 0.25
 
     def __post_init__(self) -> None:
         check_number("time_limit", self.time_limit, above=0.0, unit="s")
         check_count("seed", self.seed, at_least=0)
+        check_number("spread", self.spread, above=0.0, at_most=10.0)
+        for name in ("twist_error", "bend_error", "profile_error"):
+            check_number(name, getattr(self, name), at_least=0.0, at_most=0.9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,10 +10,12 @@ from math import inf
 import numpy as np
 
 from octoctrl.planners.asking.task import miss_in_phase
+from octoctrl.planners.solving.grasping import is_simulated
 from octoctrl.sim.errors import check_number
 
 from ..carrying.results import Check, Execution, ExecutionStatus, Verdict
 from .comparison import level_delays, planned_points, rms
+from .holding import holding_checks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +72,8 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
     Returns
     -------
     Verdict
-        That the run came to its end, then the goals, the errors of the traces, and the health of the simulation.
+        That the run came to its end, then the goals, the errors of the traces, and the health of the simulation. Of a task about what the
+        arm touches, how it is held in place of the errors of the traces: there the plan is a simulation itself.
 
     Raises
     ------
@@ -87,13 +90,21 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
         _check("unfinished_phases", unfinished, 0),
         _check("stopped", execution.status is not ExecutionStatus.FINISHED, 0),
         *_goal_checks(execution),
+    ]
+    health = [
+        _check("link_residual", np.abs(measured.residual).max(), limits.link_residual, "turns"),
+        _check("activation", execution.recording.levels.max(), limits.activation),
+    ]
+    if is_simulated(execution.plan.task):
+        checks += [*holding_checks(execution), *health]
+        return _judged(checks, strict)
+    checks += [
         _check("writhe_rms", rms(writhe), limits.writhe_rms, "turns"),
         _check("writhe_max", np.abs(writhe).max(), limits.writhe_max, "turns"),
         _check("twist_rms", rms(twist), limits.twist_rms, "turns"),
         _check("crossings", crossings, limits.crossings),
         _check("level_time", max(level_delays(execution).values(), default=0.0), limits.level_time, "s"),
-        _check("link_residual", np.abs(measured.residual).max(), limits.link_residual, "turns"),
-        _check("activation", execution.recording.levels.max(), limits.activation),
+        *health,
     ]
     points = planned_points(execution.plan, execution.clock)
     if points is not None:
@@ -102,6 +113,10 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
     for name in ("volume", "slab_volume"):
         if name in execution.recording.series:
             checks.append(_check(name, np.abs(execution.recording.series[name] - 1).max(), getattr(limits, name)))
+    return _judged(checks, strict)
+
+
+def _judged(checks: list[Check], strict: bool) -> Verdict:
     verdict = Verdict(checks=tuple(checks))
     return verdict.raise_if_failed() if strict else verdict
 

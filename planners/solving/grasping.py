@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.contact.hold import free_turns
+from octoctrl.sim.contact.hold import free_turns, girth
 from octoctrl.sim.contact.measures import gaps
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, RigidObject, Sphere, frame_of
+from octoctrl.sim.scene.objects import Capsule, Cylinder, RigidObject, frame_of
 from octoctrl.sim.scene.scene import Scene
 
 from ..asking.goals.covered_winding import CoveredWindingGoal
@@ -36,6 +36,11 @@ FIRST_TWISTS = (0.0, 0.15, -0.15)
 def objects_held(task: Task) -> set[str]:
     """Names of the objects that the goals of a task are about."""
     return {str(goal.object) for phase in task.phases for goal in phase.goals if hasattr(goal, "object")}
+
+
+def held_at_the_end(task: Task) -> set[str]:
+    """Names of the objects that the last phase of a task asks to be held."""
+    return {goal.object for goal in task.phases[-1].goals if isinstance(goal, CoveredWindingGoal) and goal.band[0] > 0}
 
 
 def is_simulated(task: Task) -> bool:
@@ -77,14 +82,6 @@ def _closest(item: RigidObject, place: Floats) -> Floats:
     axis = frame_of(item)[2]
     along = float(np.clip((place - centre) @ axis, -item.length / 2, item.length / 2))
     return np.asarray(centre + along * axis)
-
-
-def girth(item: RigidObject) -> float:
-    """Radius of the circle that is as long as the way round an object, m."""
-    if isinstance(item, Box):
-        a, b, _ = item.size
-        return (a + b) / pi
-    return float(item.radius) if isinstance(item, Sphere | Capsule | Cylinder) else float("inf")
 
 
 def too_short(task: Task, arm: Arm, scene: Scene) -> str:
@@ -139,6 +136,6 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene, start: int = 0) -> Task:
     drives = (
         Drive(name="curl", primitive=curl, begins=first, free=("azimuth", "level", "profile", "start", "speed", "delay"), delay=0.5),
         Drive(name="twist", primitive=twist, begins=first, free=("turns", "stop")),
-        Drive(name="lean", primitive=lean, begins=first, free=("azimuth", "level", "stop")),
+        Drive(name="swing", primitive=lean, begins=first, free=("azimuth", "level", "stop")),
     )
     return replace(task, drives=drives, choose=None)

@@ -1,7 +1,7 @@
 """What a recording says of how an arm holds one object: read from the recording alone, in which every object is noted with its shape."""
 
 from dataclasses import dataclass
-from math import tau
+from math import inf, pi, tau
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,10 @@ Floats = NDArray[np.float64]
 
 FADES = 0.01
 """Gap (m) over which an element's turn about the object counts by 1/e less in the `Hold.near` winding."""
+
+
+CORE = 21
+"""Points on an object's axis by which its distance from another is read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +38,12 @@ class Hold:
         By how much that place is past the object's ends.
     turned : (T, n) float64, turns
         That each element makes about the axis, positive in the sense of a right-handed turn.
+    item : RigidObject
+        The object itself.
+    home : (3,) float64
+        Its axis at the begin of all.
+    middle : (T, n, 3) float64, m
+        Of the elements.
     """
 
     touch: Touch
@@ -41,6 +51,9 @@ class Hold:
     along: Floats
     beyond: Floats
     turned: Floats
+    item: RigidObject
+    home: Floats
+    middle: Floats
 
     @classmethod
     def of(cls, recording: Any, radius: Floats, name: str) -> "Hold":
@@ -69,6 +82,9 @@ class Hold:
             along=along,
             beyond=np.maximum(np.abs(along) - half, 0.0),
             turned=turns(recording.points, touch.position, touch.frame),
+            item=item,
+            home=recording.series[PREFIX + name][0, Body.HOME_AXIS : Body.HOME_AXIS + 3],
+            middle=middle,
         )
 
     @property
@@ -88,13 +104,40 @@ class Hold:
 
     @property
     def spun(self) -> Floats:
-        """Angle (T,), rad, by which the axis has turned since the first instant, in the plane in which it turned most, unwrapped."""
+        """Angle (T,), rad, between the object's axis now and at the begin of all, from 0 to a half turn."""
+        return np.asarray(np.arccos(np.clip(self.touch.frame[:, 2] @ self.home, -1.0, 1.0)))
+
+    @property
+    def core(self) -> Floats:
+        """Points (T, K, 3) on the object's axis, m, from end to end; its centre if it has no length."""
+        half = self.item.length / 2 if isinstance(self.item, Capsule | Cylinder) else 0.0
+        along = np.linspace(-half, half, CORE)
+        return np.asarray(self.touch.position[:, None] + along[:, None] * self.touch.frame[:, None, 2])
+
+    @property
+    def girth(self) -> float:
+        """Radius of the circle that is as long as the way round the object, m."""
+        return girth(self.item)
+
+    @property
+    def towards(self) -> Floats:
+        """Unit vectors (T, n, 3) from the elements to the object's axis."""
         axis = self.touch.frame[:, 2]
-        first = axis[0]
-        aside = axis - (axis @ first)[:, None] * first
-        _, _, directions = np.linalg.svd(aside, full_matrices=False)
-        angle = np.unwrap(np.arctan2(aside @ directions[0], axis @ first))
-        return np.asarray(np.abs(angle - angle[0]))
+        local = self.touch.position[:, None] - self.middle
+        aside = local - np.einsum("tkc,tc->tk", local, axis)[:, :, None] * axis[:, None]
+        return np.asarray(aside / np.maximum(np.linalg.norm(aside, axis=2, keepdims=True), 1e-12))
+
+    def distance(self, points: Floats) -> Floats:
+        """Signed distances (T, K) of `points` (T, K, 3), m, from the object's surface."""
+        return gaps(points, self.item, self.touch.position, self.touch.frame)
+
+
+def girth(item: RigidObject) -> float:
+    """Radius of the circle that is as long as the way round an object, m; infinite for a plane."""
+    if isinstance(item, Box):
+        a, b, _ = item.size
+        return (a + b) / pi
+    return float(item.radius) if isinstance(item, Sphere | Capsule | Cylinder) else inf
 
 
 def recorded_object(row: Floats, name: str) -> RigidObject:

@@ -22,12 +22,18 @@ class RecordedOutputs:
     trace : TopologyTrace
         Of the same instants.
     arm : Arm
+
+    Attributes
+    ----------
+    holds : dict of str to Hold
+        How objects are held, by name, as far as it was asked for.
     """
 
     math: Any = np
 
     def __init__(self, recording: Recording, trace: TopologyTrace, arm: Arm) -> None:
         self.recording, self.trace, self.arm = recording, trace, arm
+        self.holds: dict[str, Any] = {}
 
     @property
     def twist(self) -> Floats:

@@ -1,0 +1,49 @@
+"""What a verdict says of the objects that a task is about: how they were held, how deep, and whether the hold still drifts."""
+
+from collections.abc import Iterator
+from math import inf
+
+import numpy as np
+
+from octoctrl.planners.asking.goals.recorded import RecordedOutputs
+from octoctrl.planners.asking.goals.touching import hold_in
+from octoctrl.planners.solving.grasping import held_at_the_end, objects_held
+from octoctrl.sim.topology.measures import writhe
+
+from ..carrying.results import Check, Execution
+
+LATE = 0.5
+"""Time before the end over which the winding may drift, s."""
+
+DEEP, DRIFT = 0.01, 0.1
+"""Deepest overlap as a share of the base radius, and largest drift, turns."""
+
+
+def holding_checks(execution: Execution) -> Iterator[Check]:
+    """Check the objects that the goals of an execution's task name.
+
+    Parameters
+    ----------
+    execution : Execution
+
+    Yields
+    ------
+    Check
+        Depth and, where the task ends in a hold, drift with limits; covered winding, winding, size of the cord's writhe, normal force,
+        loaded points and slip at the end as they are. Writhe jumps by two between runs that look alike: nothing is judged by it.
+    """
+    plan, recording = execution.plan, execution.recording
+    outputs = RecordedOutputs(recording, execution.trace, plan.arm)
+    late = recording.time >= recording.time[-1] - LATE
+    yield Check(name="cord.writhe", value=abs(writhe(recording.points[-1])), limit=inf, unit="turns")
+    for name in sorted(objects_held(plan.task)):
+        hold = hold_in(outputs, name)
+        touch, limit = hold.touch, DEEP * float(np.asarray(plan.arm.section(0.0).outer_radius))
+        yield Check(name=f"{name}.depth", value=float(touch.deepest.max()), limit=limit, unit="m")
+        if name in held_at_the_end(plan.task):
+            yield Check(name=f"{name}.drift", value=float(np.ptp(hold.winding[late])), limit=DRIFT, unit="turns")
+            yield Check(name=f"{name}.covered_winding", value=abs(float(hold.covered[-1])), limit=inf, unit="turns")
+        yield Check(name=f"{name}.winding", value=abs(float(hold.winding[-1])), limit=inf, unit="turns")
+        yield Check(name=f"{name}.normal_force", value=float(touch.normal_force[-1]), limit=inf, unit="N")
+        yield Check(name=f"{name}.loaded_points", value=float(touch.loaded[-1]), limit=inf)
+        yield Check(name=f"{name}.slip", value=float(touch.slip.max()), limit=inf, unit="m")

@@ -1,0 +1,26 @@
+"""By how much an object was turned."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from ...contracts import Floats
+from ..registry import register_goal
+from .recorded import RecordedOutputs
+from .touching import TouchingGoal
+
+if TYPE_CHECKING:
+    from octoctrl.sim.contact.hold import Hold
+
+
+@register_goal
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectTurnGoal(TouchingGoal):
+    """Angle, rad, whatever its sense, by which an object's axis has turned from where it was at the begin, in the plane of its turning."""
+
+    quantity: ClassVar[str] = "object_turn"
+    unit: ClassVar[str] = "rad"
+    tolerance: float = 0.2
+
+    def measured(self, hold: "Hold", outputs: RecordedOutputs) -> Floats:
+        """Angle of the `hold`, (T,); the `outputs` say no more of it."""
+        return hold.spun
