@@ -35,7 +35,7 @@ def holding_checks(execution: Execution) -> Iterator[Check]:
     plan, recording = execution.plan, execution.recording
     outputs = RecordedOutputs(recording, execution.trace, plan.arm)
     late = recording.time >= recording.time[-1] - LATE
-    yield Check(name="cord.writhe", value=abs(writhe(recording.points[-1])), limit=inf, unit="turns")
+    yield Check(name="cord.writhe", value=abs(float(writhe(recording.points[-1]))), limit=inf, unit="turns")
     for name in sorted(objects_held(plan.task)):
         hold = hold_in(outputs, name)
         touch, limit = hold.touch, DEEP * float(np.asarray(plan.arm.section(0.0).outer_radius))
