@@ -1,7 +1,7 @@
 """One schedule that grasps a post, tried on others: thicker ones, other shapes, other friction, and with its bend all at once.
 
-Run `python benchmarks/grasp_sweep.py [diameter|shapes|friction|wave|all] --figure docs/grasp-sweep.png`. The schedule is planned once, for the post
-of the task `grasp`, and stays as it is; of other diameters the surface stays where it was.
+Run `python benchmarks/grasp_sweep.py all --figure docs/grasp-sweep.png`, or `diameter`, `shapes`, `friction` or `wave` alone. The schedule is planned
+once, for the post of the task `grasp`, and stays as it is; of other diameters the surface stays where it was.
 """
 
 import argparse
@@ -83,7 +83,7 @@ def main():
             found = run(plan, plan.schedule, [thicker(post, arm, diameter * 1e-3)], given.plant)
             results["diameter"].append((diameter, shown(f"diameter {diameter} mm, D/L {diameter / 200:.2f}", found)))
     if given.part in ("shapes", "all"):
-        side = 2 * post.radius
+        side = 0.5 * np.pi * post.radius  # as long a way round
         square = Box(name="bar", size=(side, side, post.length), position=post.position, axis=post.axis)
         crossing = Capsule(
             name="second", radius=post.radius, length=post.length, position=post.position, axis=tuple(np.cross(post.axis, [1.0, 0, 0]))
