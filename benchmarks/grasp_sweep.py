@@ -1,7 +1,7 @@
 """One schedule that grasps a post, tried on others: thicker ones, other shapes, other friction, and with its bend all at once.
 
-Run `python benchmarks/grasp_sweep.py all --figure docs/grasp-sweep.png`, or `diameter`, `shapes`, `friction` or `wave` alone. The schedule is planned
-once, for the post of the task `grasp`, and stays as it is; of other diameters the surface stays where it was.
+Run `python benchmarks/grasp_sweep.py all --figure docs/grasp-sweep.png`, or one of its parts alone. The schedule is planned once, for the
+post of the task `grasp`, and stays as it is; of other diameters the surface stays where it was.
 """
 
 import argparse

@@ -54,7 +54,7 @@ def main():
                 continue
             configuration = replace(base, scene=oc.Scene(objects=(item,)))
             begin = process_time()
-            plan = oc.plan(configuration, plant=given.plant, executor=one, time_limit=600)
+            plan = oc.plan(configuration, plant=given.plant, executor=one, time_limit=1e5)
             spent = process_time() - begin
             status, said = plan.status.name.lower(), [line for line in plan.report.tried if line.startswith("candidate")]
             counts[status] += 1
