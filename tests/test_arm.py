@@ -51,7 +51,9 @@ def test_masses_are_those_of_the_assembly():
 def test_stiffness_at_the_base():
     base = ARM.section(np.array([0.0]))
     assert base.bending_stiffness[0] == pytest.approx(3.73289e-6 + 8 * 5.36796e-7, rel=0.03)
-    assert base.twist_stiffness[0] / 3 == pytest.approx(4.97718e-6 + 8 * 7.15728e-7, rel=0.03)
+    assert Arm.octopus(lumped=LumpedSection.published()).section(np.array([0.0])).twist_stiffness[0] / 3 == pytest.approx(
+        4.97718e-6 + 8 * 7.15728e-7, rel=0.03
+    )
     oblique = 8 * 0.0358028 / np.cos(np.radians(74.43))
     assert base.shear_stiffness[0] == pytest.approx(0.611918 + 8 * 0.232037 + oblique, rel=0.02)
 
@@ -142,12 +144,12 @@ def test_numbers_of_numpy_and_whole_numbers_are_numbers():
     numpy = Arm(length=np.float64(1.0), base_radius=np.float64(0.05), elements=np.int64(48), taper=np.int32(10))
     assert numpy == plain and type(numpy.elements) is int
     assert numpy.fingerprint == plain.fingerprint == Arm(length=1, base_radius=0.05, taper=10).fingerprint
-    assert Arm().fingerprint == "bd18"
+    assert Arm().fingerprint == "534e"
     assert (
         len(
             {
                 Arm.octopus(lumped=lumped).fingerprint
-                for lumped in (LumpedSection(), LumpedSection(oblique_stress=0.5), LumpedSection.hydrostat())
+                for lumped in (LumpedSection(), LumpedSection(oblique_stress=0.5), LumpedSection.published())
             }
         )
         == 3

@@ -19,18 +19,18 @@ from octoctrl.planners.model.reduced import LAWS, ReducedModel, ReducedParameter
 from octoctrl.planners.model.statics import CONSTANTS, section_constants
 from octoctrl.planners.model.stepping_kernels import buffers
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, azimuth
+from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, LumpedSection, azimuth
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.scene import Scene
 
 COIL = Activation(
     templates=(
-        Plateau(groups=("R-OM",), level=0.3, rise=0.5, offset=3.0, fall=0.5),
-        Plateau(groups=("LM1", "LM2", "LM8"), level=0.3, onset=1.5, rise=4.0),
-        Plateau(groups=("L-OM",), level=0.3, onset=4.1, rise=1.0),
+        Plateau(groups=("R-OM",), level=0.15, rise=0.5, offset=3.0, fall=0.5),
+        Plateau(groups=("LM1", "LM2", "LM8"), level=0.24, onset=1.5, rise=4.0),
+        Plateau(groups=("L-OM",), level=0.29, onset=4.1, rise=1.0),
     )
 )
-"""Programme of Fig. 2c of Tekinalp et al. (2024)."""
+"""Programme of Fig. 2c of Tekinalp et al. (2024), with the levels that an arm that keeps its volume needs."""
 
 
 @pytest.fixture(scope="module")
@@ -106,10 +106,10 @@ def dense_drag(model, strains, rates):
 
 
 def fibres(model, index):
-    """(group, law, area, passive factor, level index, length function, rest) of all fibres of one section."""
-    arm = model.arm
+    """(law, area, factors on passive and active stress, level index, length function, rest) of all fibres of one section."""
+    arm, lumped = model.arm, model.arm.lumped
     place = dict(zip(CONSTANTS, section_constants(arm, model.sections)[:, index], strict=True))
-    nu = arm.lumped.hoop_ratio
+    nu = lumped.hoop_ratio
 
     def straight(angle):
         def length(q):
@@ -123,11 +123,19 @@ def fibres(model, index):
         return lambda q: np.hypot(q[3], place["oblique_offset"] * q[3] ** -nu * (hand * 2 * np.pi / arm.oblique_pitch + q[2]))
 
     for number, group in enumerate(MUSCLE_GROUPS[:8]):
-        yield arm.longitudinal, place["muscle_area"], 1.0, number, straight(azimuth(group)), 1.0
+        yield arm.longitudinal, place["muscle_area"], 1.0, lumped.longitudinal_stress, number, straight(azimuth(group)), 1.0
     for number, hand in ((8, 1), (9, -1)):
-        yield arm.oblique, place["oblique_area"], arm.lumped.oblique_passive, number, helix(hand), place["oblique_stretch"]
-    yield arm.transverse, place["ring_area"], 1.0, 10, lambda q: q[3] ** -nu, 1.0
-    yield arm.longitudinal, place["cord_area"], 1.0, None, lambda q: q[3], 1.0
+        yield (
+            arm.oblique,
+            place["oblique_area"],
+            lumped.oblique_passive,
+            lumped.oblique_stress,
+            number,
+            helix(hand),
+            place["oblique_stretch"],
+        )
+    yield arm.transverse, place["ring_area"], 1.0, 1.0, 10, lambda q: q[3] ** -nu, 1.0
+    yield arm.longitudinal, place["cord_area"], 1.0, 1.0, None, lambda q: q[3], 1.0
 
 
 def dense_section(model, index, q, rate, levels):
@@ -136,11 +144,11 @@ def dense_section(model, index, q, rate, levels):
     shifts = np.diag([1e-3, 1e-3, 1e-3, 1e-6])
     force = np.array([place["bending"], place["bending"], place["twisting"], 0.0]) * q
     lost = np.zeros(4)
-    for law, area, passive, number, length, rest in fibres(model, index):
+    for law, area, passive, strength, number, length, rest in fibres(model, index):
         gradient = np.array([(length(q + d) - length(q - d)) / (2 * d.sum()) for d in shifts])
         s = length(q) / rest
         level = 0.0 if number is None else levels[number]
-        active = level * law.maximum_stress * law.active_factor(s)
+        active = level * strength * law.maximum_stress * law.active_factor(s)
         force += area * (active + passive * law.passive_stress(s)) / s * gradient
         speed = gradient @ rate / rest
         lost += area * active * (law.velocity_factor(-speed / law.maximum_rate) - 1) / s * gradient
@@ -198,7 +206,8 @@ def test_compiled_step_solves_the_equations_that_casadi_writes(laws, h, bent):
         function, given = residual(model.structure), (strains.T, levels, h, factors(model))
         left = function((end - strains).T, *given).full()
         size = abs(function(0 * strains.T, *given).full())
-        assert abs(left).max() < 1e-9 * size.max()
+        # Newton stops after a correction below 1e-6, whose square, over the 0.004 of the narrowest blend of a law, is left of the residual.
+        assert abs(left).max() < 1e-8 * size.max()
 
 
 def test_step_function_is_the_compiled_step(model, bent):
@@ -397,8 +406,17 @@ def test_steps_converge_with_order_one(model):
 
 
 def test_coil_programme_tells_the_known_story(model):
+    """That of the full arm with coarse rings: 1.04 turns stored, a spiral of two turns, 0.92 turns of the other sign at the end."""
     motion = model.respond(COIL, 7.0)
     trace = model.trace(motion.time, motion.strains)
+    assert trace.twist[30] == pytest.approx(-1.04, abs=0.1)
+    assert trace.lifted_writhe[90] == pytest.approx(-2.0, abs=0.25)
+    assert trace.crossings[-1] == -2
+    assert trace.twist[-1] == pytest.approx(0.92, abs=0.2)
+    published = ReducedModel(arm=Arm.octopus(lumped=LumpedSection.published()))
+    levels = tuple(replace(template, level=0.3) for template in COIL.templates)
+    motion = published.respond(Activation(templates=levels), 7.0)
+    trace = published.trace(motion.time, motion.strains)
     assert trace.twist[30] == pytest.approx(-1.14, abs=0.05)
     assert trace.lifted_writhe[90] == pytest.approx(-2.05, abs=0.15)
     assert trace.crossings[-1] == -2

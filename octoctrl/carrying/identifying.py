@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, check_choice
 from octoctrl.sim.plants import check_plant, make_plant, warmup
 from octoctrl.sim.scene.scene import Scene
 
@@ -54,13 +54,15 @@ def identify(
     Raises
     ------
     OctoctrlError
-        If the file exists or its suffix is unknown.
+        If the file exists, its suffix is unknown, or there are no such laws.
     PlantUnstableError
         If the plant diverges within the first `LEAST_RUN` seconds of a programme. A later divergence cuts that programme short, which
         ``statistics["cut_short"]`` says.
     """
     from octoctrl.planners.fitting import experiments, fit
+    from octoctrl.planners.model.reduced import LAWS
 
+    check_choice("laws", laws, LAWS)
     if path is not None:
         path = check_target(path, overwrite=overwrite, suffixes=(".json",))
     arm, scene = arm or Arm.octopus(), scene or Scene()

@@ -76,6 +76,9 @@ def identify(
     ] = "coil",
     settings: Settings = None,
     plant: PlantName = None,
+    laws: Annotated[
+        str, typer.Option("--laws", metavar="NAME", help="known: the plant's muscle curves; generic: shapes fitted too.")
+    ] = "known",
     force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -86,7 +89,7 @@ def identify(
 
     configuration = configuration_of(task, settings, plant)
     name = configuration.run.plant
-    found = fit(configuration.arm, configuration.scene, plant=name, path=output, overwrite=force, progress=display(quiet))
+    found = fit(configuration.arm, configuration.scene, plant=name, path=output, overwrite=force, laws=laws, progress=display(quiet))
     content = {
         "plant": name,
         "factors": {name: getattr(found.model.parameters, name) for name in found.names},

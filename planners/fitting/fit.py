@@ -60,7 +60,7 @@ GENERIC_FREE = (
 def free_factors(laws: str, plant: str = "rod") -> tuple[str, ...]:
     """Names of the factors that are fitted for a kind of muscle laws and a plant, tuple of str."""
     free = KNOWN_FREE if laws == "known" else GENERIC_FREE
-    return free if plant == "rod" else (*(name for name in free if name != "torsion"), "ring_torsion", "oblique_bending")
+    return free if plant == "rod" else (*free, "ring_torsion", "oblique_bending")
 
 
 def identify(

@@ -83,8 +83,7 @@ def section_constants(arm: Arm, sections: int, samples: int = 60) -> Floats:
     lengths = arm.length / (sections * samples) * (outline**4 @ hats) / harmonic**4
     section = arm.section(np.interp(-harmonic, -arm.section(grid).outline, grid))
     offsets = (section.muscle_offset, section.oblique_offset, section.oblique_stretch)
-    ring_twisting = 4 * np.pi * arm.shear_modulus * arm.ring_radius * section.ring_offset**3
-    stiffness = (section.bending_stiffness, section.twist_stiffness, ring_twisting)
+    stiffness = (section.bending_stiffness, section.twist_stiffness, section.ring_tube_stiffness)
     base = arm.section(0.0)
     narrowing = (_inward_load(section) / _inward_load(base)) ** (2 / 3) * base.muscle_offset / section.muscle_offset
     return np.array([*section.areas, *offsets, *stiffness, narrowing, lengths])

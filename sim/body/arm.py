@@ -52,7 +52,7 @@ def azimuth(group: str) -> float:
 class LumpedSection:
     """What a one-rod arm must lump, because its cross-section has no rods of its own that could move.
 
-    By default the scalars are tuned to the recorded twist storage of the published assembly of 197 rods; see also `hydrostat`.
+    By default the rod that is nearest to the full arm, as ``benchmarks/rod_against_assembly.py fit`` finds it; see also `published`.
 
     Attributes
     ----------
@@ -63,25 +63,30 @@ class LumpedSection:
         Factor on the passive stress of the oblique fibres, which also stands for the tissue that they are embedded in.
     torsion : float
         Factor on the torsional stiffness of the straight rods, for their winding round each other.
+    ring_torsion : float
+        Share of the torsional stiffness of a tube as thick as the layer of rings. Rings that turn against each other drag the muscles
+        between them along; the layer does not taper, so that this holds the thin tip most of all, and the smallest levels.
     longitudinal_stress, oblique_stress : float
         Factors on the active stress of the fibres, for what their joints to the other layers do not hand on.
     """
 
-    hoop_ratio: float = 0.19
-    oblique_passive: float = 2.7
-    torsion: float = 3.0
-    longitudinal_stress: float = 1.0
-    oblique_stress: float = 1.0
+    hoop_ratio: float = 0.448
+    oblique_passive: float = 0.445
+    torsion: float = 1.0
+    ring_torsion: float = 0.155
+    longitudinal_stress: float = 0.908
+    oblique_stress: float = 0.461
 
     def __post_init__(self) -> None:
         check_number("hoop_ratio", self.hoop_ratio, at_least=0.0, at_most=0.5)
+        check_number("ring_torsion", self.ring_torsion, at_least=0.0)
         for name in ("oblique_passive", "torsion", "longitudinal_stress", "oblique_stress"):
             check_number(name, getattr(self, name), above=0.0)
 
     @classmethod
-    def hydrostat(cls) -> "LumpedSection":
-        """Constants of the rod that is nearest to the full arm that keeps its volume (``benchmarks/rod_against_assembly.py fit``)."""
-        return cls(hoop_ratio=0.454, oblique_passive=0.847, torsion=1.40, longitudinal_stress=0.956, oblique_stress=0.549)
+    def published(cls) -> "LumpedSection":
+        """Constants tuned to the recorded twist storage of the published assembly of 197 rods, which does not keep its volume."""
+        return cls(hoop_ratio=0.19, oblique_passive=2.7, torsion=3.0, ring_torsion=0.0, longitudinal_stress=1.0, oblique_stress=1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,9 +217,9 @@ class Arm:
     def fingerprint(self) -> str:
         """Four hexadecimal digits that differ between arms that differ in any field but the name and the resolution."""
         content = {key: value for key, value in asdict(self).items() if key not in ("name", "elements", "grading")}
-        # Factors of one do nothing and leave no mark.
-        factors = ("longitudinal_stress", "oblique_stress")
-        content["lumped"] = {key: value for key, value in content["lumped"].items() if key not in factors or value != 1.0}
+        # What does nothing leaves no mark.
+        idle = {"longitudinal_stress": 1.0, "oblique_stress": 1.0, "ring_torsion": 0.0}
+        content["lumped"] = {key: value for key, value in content["lumped"].items() if value != idle.get(key)}
         if self.layout != OCTOPUS_MUSCLES:
             content["layout"] = self.layout
         return hashlib.sha256(repr(sorted(_plain(content).items())).encode()).hexdigest()[:4]
@@ -348,8 +353,15 @@ class Section:
 
     @property
     def twist_stiffness(self) -> Floats:
-        """Torsional stiffness of the straight rods about their own axes, N m^2."""
-        return self.arm.shear_modulus * pi / 2 * (self.cord_radius**4 + self.muscle_count * self.muscle_radius**4) * self.arm.lumped.torsion
+        """Torsional stiffness of the straight rods about their own axes and of the layer of rings, as one rod lumps them, N m^2."""
+        lumped, shear = self.arm.lumped, self.arm.shear_modulus
+        straight = shear * pi / 2 * (self.cord_radius**4 + self.muscle_count * self.muscle_radius**4) * lumped.torsion
+        return straight + lumped.ring_torsion * self.ring_tube_stiffness
+
+    @property
+    def ring_tube_stiffness(self) -> Floats:
+        """Torsional stiffness of a tube as thick as the layer of rings, N m^2."""
+        return 4 * pi * self.arm.shear_modulus * self.arm.ring_radius * self.ring_offset**3
 
     @property
     def shear_stiffness(self) -> Floats:
