@@ -17,6 +17,7 @@ from octoctrl.sim.running.state_files import check_identity
 from ..files.parts import Parts
 from ..files.store import save
 from ..progress import NullProgress, Progress
+from .replanning import Replanner, Replanning
 from .results import Execution, ExecutionStatus
 from .run import GRACE, Run, Watch, name_of
 from .run_parts import RunPart, RunStart
@@ -45,6 +46,7 @@ def execute(
     overwrite: bool = False,
     origin: Mapping[str, str] | None = None,
     watch: Watch | None = None,
+    replan: Replanning | bool = False,
 ) -> Execution:
     """Carry out a plan.
 
@@ -79,6 +81,9 @@ def execute(
         For the header of the file; see `octoctrl.files.store.save`.
     watch : Watch, optional
         Who looks on and sets the pace, such as a live view, `octoctrl.View`.
+    replan : Replanning or bool
+        Whether is planned again from the present state where something calls for it, see `octoctrl.carrying.replanning.Replanning`; the
+        plant stands still meanwhile, and `Execution.replans` tells. Needs feedback that has a name.
 
     Returns
     -------
@@ -102,10 +107,13 @@ def execute(
     if period is not None:
         check_number("period", period, above=0.0, unit="s")
     chosen = controller(plan.feedback if feedback is None else feedback, plan)
+    again = (Replanning() if replan is True else replan) or None
+    replanner = None if again is None else _replanner(again, _named(feedback, plan))
     if path is None:
-        return _run(plan, plant, chosen, progress, period, patience, settle, sensors).to_the_end(progress or NullProgress(), watch=watch)
+        run = _run(plan, plant, chosen, progress, period, patience, settle, sensors, replanner)
+        return run.to_the_end(progress or NullProgress(), watch=watch)
     with Parts(path, overwrite=overwrite) as parts:
-        run = _run(plan, plant, chosen, progress, period, patience, settle, sensors)
+        run = _run(plan, plant, chosen, progress, period, patience, settle, sensors, replanner)
         start = RunStart(
             plan=plan,
             plant=name_of(run.plant),
@@ -118,6 +126,7 @@ def execute(
             sensors=run.eyes.sensors,
             time_step=run.plant.h,
             step_limit=run.plant.limit.mechanism,
+            replan=again,
             origin=dict(origin or {}),
         )
         parts.append(start)
@@ -156,7 +165,8 @@ def resume(path: str | Path, *, feedback: Any = None, plant: Any = None, progres
                 raise OctoctrlError(f"{path}: the run had a {what} of its own; give one that is made as that was, {what}=...")
         plan = start.plan
         chosen = controller(feedback or start.controlled, plan)
-        run = _run(plan, plant or start.plant, chosen, progress, start.period, start.patience, start.settle, start.sensors)
+        replanner = None if start.replan is None else _replanner(start.replan, start.controlled)
+        run = _run(plan, plant or start.plant, chosen, progress, start.period, start.patience, start.settle, start.sensors, replanner)
         check_identity(path, start.identity, _identity(run.plant))
         for what, one, state in (("plant", run.plant, "plant"), ("feedback", chosen, "controller")):
             if rest and (not isinstance(one, Resumable) or getattr(rest[-1], state) is None):
@@ -174,6 +184,7 @@ def _run(
     patience: float | None,
     settle: float,
     sensors: Sensors | None,
+    replanner: Replanner | None = None,
 ) -> Run:
     """The run that is meant, not begun."""
     if plant is None or isinstance(plant, str):
@@ -187,7 +198,14 @@ def _run(
     if abs(round(period / plant.sample_interval) * plant.sample_interval - period) > 1e-9:
         raise OctoctrlError(f"period={period:g} s: needs a multiple of the plant's sample interval {plant.sample_interval:g} s")
     patience = getattr(chosen, "patience", PATIENCE) if patience is None else patience
-    return Run(plan, plant, chosen, sensors or Sensors(), period=period, patience=patience, settle=settle)
+    return Run(plan, plant, chosen, sensors or Sensors(), period=period, patience=patience, settle=settle, replanner=replanner)
+
+
+def _replanner(settings: Replanning, name: str) -> Replanner:
+    """What plans again, and follows it with the controller of that `name`."""
+    if not name:
+        raise OctoctrlError("replan: a plan that is made in the middle of a run needs a controller of its own; give feedback by its name")
+    return Replanner(settings, lambda plan: controller(name, plan))
 
 
 def _kept(run: Run, start: RunStart, parts: Parts, progress: Progress | None, watch: Watch | None = None) -> Execution:

@@ -16,7 +16,9 @@ from ..progress import Progress
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
+    from octoctrl.planners.contracts import Observation
     from octoctrl.planners.fitting.identified import IdentifiedModel
+    from octoctrl.planners.solving.present import Present
 
 
 def plan(
@@ -28,6 +30,7 @@ def plan(
     model: "str | Path | IdentifiedModel | None" = None,
     time_limit: float | None = None,
     guess: Plan | None = None,
+    start: "Observation | Present | None" = None,
     executor: "Executor | None" = None,
     progress: Progress | None = None,
     strict: bool = False,
@@ -50,6 +53,8 @@ def plan(
         Wall-clock limit, in place of the configuration's.
     guess : Plan, optional
         Where to start from; the task's own numbers if omitted.
+    start : Observation or Present, optional
+        Where the arm is, as the plant shows it, or with what its muscles were told before; at rest if omitted.
     executor : Executor, optional
         Of `concurrent.futures`, or anything like it, over which tasks that touch something are searched; all cores if omitted.
     progress : Progress, optional
@@ -95,12 +100,14 @@ def plan(
         found = replace(found, feedback=configuration.run.feedback, period=configuration.run.period)
         return found.raise_if_failed() if strict else found
     from octoctrl.planners.solving import planner
+    from octoctrl.planners.solving.present import Present
 
     found = planner.plan(
         configuration.task,
         identified,
         time_limit=limit,
         guess=guess,
+        present=start if start is None or isinstance(start, Present) else Present.seen(start, identified.model),
         progress=progress,
     )
     # The model may have been identified on a finer plant than the plan is carried out on.

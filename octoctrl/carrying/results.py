@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from octoctrl.planners.contracts import ControllerReport, Floats
-from octoctrl.planners.solving.plan import Plan
+from octoctrl.planners.solving.plan import Plan, PlanStatus
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.records import Record, check_shapes
 from octoctrl.sim.running.recording import Recording, StrandMotion
@@ -49,6 +49,19 @@ class Event:
     planned: float
     actual: float
     met: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replan:
+    """That was planned again in the middle of a run: when (s), at which reading of the clock (s), why, and how that ended.
+
+    A plan that is not solved is not followed: the run goes on with the one before.
+    """
+
+    time: float
+    clock: float
+    reason: str
+    status: PlanStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +105,8 @@ class Execution(Record):
     status : ExecutionStatus
     cause : str
         Where a controller of one's own failed, as Python tells it; empty otherwise.
+    replans : tuple of Replan
+        How often was planned again, and why; `plan` is the last one that was followed.
     strands : StrandMotion, optional
         The rods of which the arm consists, at the ends of the periods; none where it is one rod.
     """
@@ -106,6 +121,7 @@ class Execution(Record):
     events: tuple[Event, ...] = ()
     status: ExecutionStatus = ExecutionStatus.FINISHED
     cause: str = ""
+    replans: tuple[Replan, ...] = ()
     strands: StrandMotion | None = None
 
     def __post_init__(self) -> None:
@@ -249,6 +265,8 @@ def execution_text(run: Execution) -> str:
         )
     for group, when in run.report.controller.dead_groups.items():
         lines.append(f" {group} does nothing: it was activated and the arm did not answer; found at {when:.2f} s")
+    for again in run.replans:
+        lines.append(f" planned again at {again.time:.2f} s, for {again.reason}: {again.status.name.lower().replace('_', ' ')}")
     lines.append(f" {run.status.value}" + (f" ({recording.note})" if recording.note else ""))
     return "\n".join(lines)
 

@@ -20,7 +20,8 @@ from octoctrl.sim.topology.meter import Meter
 
 from ..files.parts import Parts
 from ..progress import Progress
-from .results import Event, Execution, ExecutionReport, ExecutionStatus
+from .replanning import Replanner
+from .results import Event, Execution, ExecutionReport, ExecutionStatus, Replan
 from .run_parts import RunPart
 
 GRACE = 2
@@ -66,11 +67,23 @@ class Run:
     sensors : Sensors
     period, patience, settle : float
         As `octoctrl.carrying.execution.execute` takes them.
+    replanner : Replanner, optional
+        What plans again where something calls for it.
     """
 
     def __init__(
-        self, plan: Plan, plant: Any, controller: Controller, sensors: Sensors, *, period: float, patience: float, settle: float
+        self,
+        plan: Plan,
+        plant: Any,
+        controller: Controller,
+        sensors: Sensors,
+        *,
+        period: float,
+        patience: float,
+        settle: float,
+        replanner: Replanner | None = None,
     ) -> None:
+        self.replanner, self._first = replanner, plan
         self.plan, self.plant, self.controller, self.eyes = plan, plant, controller, sensors.start()
         self.period, self.patience, self.settle = period, patience, settle
         self.events: list[Event] = []
@@ -80,22 +93,22 @@ class Run:
         self.marks = [(0.0, 0.0)]  # the plant's time and the clock; pairs, because an interrupt may come between any two steps
         self.ahead, self.waited, self.missed = tuple(plan.phase_begins), 0.0, 0.0
         self.wall_time, self._written = 0.0, (0, 0, 1)  # and how many pieces, strands and marks are in parts
-        self.ends = dict(zip(self.ahead, [*list(plan.phase_begins.values())[1:], plan.schedule.duration], strict=True))
+        self.ends = phase_ends(plan)
 
     def to_the_end(self, progress: Progress, parts: Parts | None = None, watch: Watch | None = None) -> Execution:
         """Go on until the plan is over or something stops it, telling `progress` and who keeps `watch`, and keep `parts` meanwhile."""
         begin, before, due = perf_counter(), self.wall_time, 0.0
-        plan, plant = self.plan, self.plant
+        plant = self.plant
         status, note, cause = ExecutionStatus.FINISHED, "", ""
         if not self.pieces:
             self.eyes.see(plant.reset())
             self._keep_strands()
-        observation, clock, end = self.eyes.shown, self.marks[-1][1], plan.schedule.duration + self.settle
-        progress.start("running the plant", end)
+        observation, clock = self.eyes.shown, self.marks[-1][1]
+        progress.start("running the plant", self.plan.schedule.duration + self.settle)
         if watch is not None:
-            watch.begin(plan, plant)
+            watch.begin(self.plan, plant)
         try:
-            while (hold := self._waits(clock)) or clock < end - 1e-9:
+            while (hold := self._waits(clock)) or clock < self.plan.schedule.duration + self.settle - 1e-9:
                 step = self.period if hold else self._period(clock)
                 reading = ClockReading(plant.time, clock, clock if hold else clock + step, step)
                 piece = self._advance(observation, reading)
@@ -105,6 +118,9 @@ class Run:
                 self.marks.append((plant.time, clock))
                 if not piece.complete:
                     raise KeyboardInterrupt
+                if self.replanner is not None:
+                    reason = self.replanner.reason(self.plan, clock, self.meter.trace, self.controller.report())
+                    self._plan_again(clock, reason)
                 if watch is not None:
                     watch.see(plant, clock)
                 progress.advance(clock, self.ahead[0] if self.ahead else "settling")
@@ -136,6 +152,10 @@ class Run:
         if not parts:
             return
         last = parts[-1]
+        if self.replanner is not None:
+            self.replanner.done, self.replanner.dead = list(last.replans), dict(last.dead)
+            if last.plan is not None:
+                self._follow(last.plan)
         states: tuple[tuple[Any, Any], ...] = ((self.plant, last.plant), (self.controller, last.controller), (self.eyes, last.sensors))
         for one, state in states:
             one.restore(state)
@@ -162,6 +182,9 @@ class Run:
                 sensors=self.eyes.state(),
                 wall_time=self.wall_time,
                 report=self.controller.report(),
+                plan=None if self.plan is self._first else self.plan,
+                replans=self._replans,
+                dead={} if self.replanner is None else self.replanner.dead,
             )
         )
         self._written = len(self.pieces), len(self.strands), len(self.marks)
@@ -203,9 +226,31 @@ class Run:
         if miss > 1 and hopeful and self.waited < longest - 1e-9:
             self.waited += self.period
             return True
+        if miss > 1 and self.replanner is not None and self.replanner.settings.missed_goal:
+            if self._plan_again(clock, f"phase '{name}' misses its goals by {miss:.1f} tolerances"):
+                return False
         self.events.append(Event(phase=name, planned=float(self.ends[name]), actual=self.plant.time, met=miss <= 1))
         self.ahead, self.waited = self.ahead[1:], 0.0
         return False
+
+    def _plan_again(self, clock: float, reason: str) -> bool:
+        """Plan again from the present if there is a `reason`; whether there is a new plan to follow."""
+        if not reason or self.replanner is None:
+            return False
+        found = self.replanner.plan(self.plan, self.ahead, self.eyes.shown, self.meter.trace, clock, reason)
+        if found is None:
+            return False
+        self._follow(found)
+        return True
+
+    def _follow(self, plan: Plan) -> None:
+        assert self.replanner is not None
+        self.plan, self.controller, self.waited = plan, self.replanner.make(plan), 0.0
+        self.ends = phase_ends(plan)
+
+    @property
+    def _replans(self) -> tuple[Replan, ...]:
+        return () if self.replanner is None else tuple(self.replanner.done)
 
     def _period(self, clock: float) -> float:
         """To the next multiple of the period on the clock, or the end; whole samples."""
@@ -229,6 +274,9 @@ class Run:
         if len(self.meter.trace.time) != len(recording.time):  # an interrupt came between keeping and measuring
             self.meter = Meter(self.plan.task.convention)
             self.meter.extend(recording.time, recording.points, recording.frames)
+        report = self.controller.report()
+        if self.replanner is not None:
+            report = replace(report, dead_groups={**self.replanner.dead, **report.dead_groups})
         return Execution(
             plan=self.plan,
             recording=recording,
@@ -236,14 +284,20 @@ class Run:
             clock=np.interp(recording.time, *np.array(self.marks).T),
             feedback=self.controller.name,
             report=ExecutionReport(
-                wall_time=self.wall_time, time_step=self.plant.h, step_limit=self.plant.limit.mechanism, controller=self.controller.report()
+                wall_time=self.wall_time, time_step=self.plant.h, step_limit=self.plant.limit.mechanism, controller=report
             ),
             plant=name_of(self.plant),
             events=tuple(self.events),
             status=status,
             cause=cause,
+            replans=self._replans,
             strands=StrandMotion.joined(self.strands),
         )
+
+
+def phase_ends(plan: Plan) -> dict[str, float]:
+    """When the phases of a `plan` end, s, by name."""
+    return dict(zip(plan.phase_begins, [*list(plan.phase_begins.values())[1:], plan.schedule.duration], strict=True))
 
 
 def name_of(plant: Any) -> str:

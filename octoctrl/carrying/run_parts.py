@@ -13,7 +13,8 @@ from octoctrl.sim.records import Record
 from octoctrl.sim.running.recording import Recording, StrandMotion
 from octoctrl.sim.running.sensors import Sensors
 
-from .results import Event, Execution, ExecutionReport, ExecutionStatus
+from .replanning import Replanning
+from .results import Event, Execution, ExecutionReport, ExecutionStatus, Replan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -37,6 +38,12 @@ class RunPart(Record):
     wall_time : float, s
         So far.
     report : ControllerReport
+    plan : Plan, optional
+        The one that is followed, if it is not that of the begin.
+    replans : tuple of Replan
+        All so far.
+    dead : mapping of str to float
+        Muscle groups for which was planned again.
     """
 
     recording: Recording
@@ -51,6 +58,9 @@ class RunPart(Record):
     sensors: Mapping[str, Any]
     wall_time: float
     report: ControllerReport
+    plan: Plan | None = None
+    replans: tuple[Replan, ...] = ()
+    dead: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -71,6 +81,7 @@ class RunStart(Record):
     sensors : Sensors
     time_step : float, s
     step_limit : str
+    replan : Replanning, optional
     origin : mapping of str to str
         For the header of the file.
     """
@@ -86,6 +97,7 @@ class RunStart(Record):
     sensors: Sensors
     time_step: float
     step_limit: str
+    replan: Replanning | None = None
     origin: Mapping[str, str] = field(default_factory=dict)
 
     def joined(self, parts: Sequence[RunPart]) -> Execution:
@@ -108,7 +120,7 @@ class RunStart(Record):
         marks = [(0.0, 0.0), *(mark for part in parts for mark in part.marks)]
         note = f"broken off after t={recording.time[-1]:.2f} s"
         return Execution(
-            plan=self.plan,
+            plan=last.plan or self.plan,
             recording=replace(recording, complete=False, note=note),
             trace=meter.trace,
             clock=np.interp(recording.time, *np.array(marks).T),
@@ -116,6 +128,7 @@ class RunStart(Record):
             report=ExecutionReport(wall_time=last.wall_time, time_step=self.time_step, step_limit=self.step_limit, controller=last.report),
             plant=self.plant,
             events=last.events,
+            replans=last.replans,
             status=ExecutionStatus.INTERRUPTED,
             strands=StrandMotion.joined([part.strands for part in parts if part.strands is not None]),
         )

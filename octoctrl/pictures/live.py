@@ -204,7 +204,7 @@ class View:
         from ..carrying.planning import plan as make
 
         try:
-            found = make(self.task(plan.task), arm=plan.arm, scene=plan.scene, plant=plan.plant, guess=plan)
+            found = make(self.task(plan.task), arm=plan.arm, scene=plan.scene, plant=plan.plant, model=plan.identified, guess=plan)
             self.said.content = found.status.value
             if found.status.solved:
                 self.replanned = replace(found, feedback=plan.feedback, period=plan.period)

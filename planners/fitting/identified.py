@@ -217,6 +217,21 @@ def load_identified(arm: Arm, scene: Scene | None = None, laws: str = "known", p
     if path.is_file():
         return IdentifiedModel.load(path, arm, scene)
     model = ReducedModel(arm=arm, scene=Scene() if scene is None else scene, laws=laws, parameters=first_guess(arm, plant))
+    return unidentified(model, plant)
+
+
+def unidentified(model: ReducedModel, plant: str) -> IdentifiedModel:
+    """A model as it is, with nothing identified on the `plant`: its region of validity covers nothing.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    plant : {"rod", "assembly"}
+
+    Returns
+    -------
+    IdentifiedModel
+    """
     return IdentifiedModel(
         model=model,
         names=(),
@@ -224,7 +239,7 @@ def load_identified(arm: Arm, scene: Scene | None = None, laws: str = "known", p
         residual_rms=float("nan"),
         validity=ValidityRegion(levels=dict.fromkeys(MUSCLE_GROUPS, 0.0), level_rate=0.0, bend=0.0, stretch=(1.0, 1.0)),
         reach=model.reach_limits(),
-        fingerprint=arm.fingerprint,
+        fingerprint=model.arm.fingerprint,
         plant=plant,
     )
 

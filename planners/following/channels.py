@@ -5,6 +5,7 @@ relaxed, so that only half of all corrections would do what the regulator believ
 with it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,8 @@ class Channels:
     Parameters
     ----------
     activation : Activation
+    gains : mapping of str to float
+        What of their level muscle groups do, all of it if not named; those that do nothing have no channels.
 
     Attributes
     ----------
@@ -48,8 +51,9 @@ class Channels:
         1 where a channel is one of a group.
     """
 
-    def __init__(self, activation: Activation) -> None:
-        self.groups: tuple[str, ...] = activation.groups
+    def __init__(self, activation: Activation, gains: Mapping[str, float] | None = None) -> None:
+        gains = gains or {}
+        self.groups: tuple[str, ...] = tuple(group for group in activation.groups if gains.get(group, 1.0) > 0)
         found: dict[object, Channel] = {}
         for group in self.groups:
             for template in activation.templates:
@@ -57,6 +61,7 @@ class Channels:
                     found.setdefault((group, template.whereabouts), Channel(group, template))
         self.each = tuple(found.values())
         self._columns = [activation.layout.index(channel.group) for channel in self.each]
+        self._gains = np.array([gains.get(channel.group, 1.0) for channel in self.each])
         self.members = np.array([[float(channel.group == group) for group in self.groups] for channel in self.each])
 
     def __len__(self) -> int:
@@ -67,11 +72,12 @@ class Channels:
         return np.stack([channel.shares(times, edges) for channel in self.each], axis=1)
 
     def planned(self, levels: Floats, shares: Floats) -> Floats:
-        """Level (T, channels) of each channel: the largest of the sections that it mainly covers, of `levels` (T, groups, S)."""
+        """Level (T, channels) of each channel: the largest of the sections that it mainly covers, of those felt (T, groups, S)."""
         mainly = shares >= MAINLY * shares.max(axis=2, keepdims=True)
-        return np.where(mainly & (shares > 0), levels[:, self._columns], 0.0).max(axis=2)
+        found: Floats = np.where(mainly & (shares > 0), levels[:, self._columns], 0.0).max(axis=2) / self._gains
+        return found
 
     def influence(self, influence: Floats, shares: Floats) -> Floats:
         """What the channels do (T, n, channels), from what every group does in every section (T, n, groups, S)."""
-        found: Floats = np.einsum("tncs,tcs->tnc", influence[:, :, self._columns], shares)
+        found: Floats = np.einsum("tncs,tcs->tnc", influence[:, :, self._columns], shares) * self._gains
         return found

@@ -107,6 +107,8 @@ class Course:
     Attributes
     ----------
     period : float, s
+    since : float, s
+        Where on the plan's clock the first begins.
     steps : (N,) float64, s
         Lengths of the periods, of which the last ends with the plan.
     channels : Channels
@@ -122,15 +124,17 @@ class Course:
     def __init__(self, plan: Plan, model: ReducedModel, period: float = 0.05) -> None:
         self.period, self._model = period, model
         self._activation = plan.schedule.activation()
-        self.channels, self.held = Channels(self._activation), Held(plan.task, (*plan.phase_begins.values(), plan.schedule.duration), model)
+        self.channels = Channels(self._activation, model.gains)
+        self.held = Held(plan.task, (*plan.phase_begins.values(), plan.schedule.duration), model)
         self._columns = [MUSCLE_GROUPS.index(group) for group in self.channels.groups]
         self._scale = strain_scale(model)
-        count = int(np.ceil(plan.schedule.duration / period - 1e-6))
+        self.since, left = plan.since, plan.schedule.duration - plan.since
+        count = int(np.ceil(left / period - 1e-6))
         # The plan ends within the last period, which is so much shorter.
-        self._times = np.minimum(period * np.arange(count + 1), plan.schedule.duration)
+        self._times = plan.since + np.minimum(period * np.arange(count + 1), left)
         self.steps = np.diff(self._times)
         levels = model.levels(self._activation, self._times[1:])
-        self._motion = model.simulate(levels, self.steps)
+        self._motion = model.simulate(levels, self.steps, start=self._begin(plan))
         shares = self.channels.shares(self._times[1:] - model.lag, model.edges)
         self._highest = np.maximum(self.channels.planned(levels, shares).max(axis=0), LEAST_LEVEL)
         self._standing: tuple[float, Period] | None = None
@@ -150,6 +154,11 @@ class Course:
             )  # fmt: skip
             cost = before
         self.periods = tuple(periods[::-1])
+
+    @staticmethod
+    def _begin(plan: Plan) -> Floats | None:
+        """Where the plan begins; one that carries no shapes begins at rest."""
+        return plan.strains[np.searchsorted(plan.time, plan.since)] if len(plan.strains) else None
 
     def standing(self, clock: float) -> Period:
         """What holds while the clock stands at `clock`, s, and when it is beyond the plan's end."""

@@ -55,7 +55,7 @@ class TVLQR:
             self._start(reading.period)
         assert self._course is not None  # made at the begin of the run
         self._now, before = reading.now, self._correction
-        index = round(reading.begin / self._course.period) if reading.end > reading.begin else None
+        index = round((reading.begin - self._course.since) / self._course.period) if reading.end > reading.begin else None
         age = max(round((reading.now - observation.time) / self._course.period), 0)
         self._correction = self._tracker.correct(index, self._observer.see(observation), clock=reading.begin, age=age)
         self._largest = max(self._largest, float(np.abs(self._correction).max()))

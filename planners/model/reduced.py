@@ -5,6 +5,7 @@ of the active fibres and f the elastic and active forces, which are local to a s
 fully implicit (`stepping_kernels`); kinematics, fibres, drag and the same step in CasADi stand in modules of their own.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral
 from typing import TYPE_CHECKING
@@ -65,6 +66,8 @@ class ReducedModel:
     sections : int
     step : float, s
         Default time step; 0.05 for prediction, 0.1 is enough for planning.
+    gains : mapping of str to float
+        What of their level muscle groups do, as of a plant; all of it if not named, 0 of one that is dead.
 
     Raises
     ------
@@ -84,8 +87,12 @@ class ReducedModel:
     parameters: ReducedParameters = field(default_factory=ReducedParameters)
     sections: int = 8
     step: float = 0.05
+    gains: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
+        for group, gain in self.gains.items():
+            check_choice("muscle group", group, MUSCLE_GROUPS)
+            check_number(f"gain of {group}", gain, at_least=0.0)
         check_choice("laws", self.laws, LAWS)
         check_number("step", self.step, above=0.0, at_most=0.5, unit="s")
         if self.scene.water is None or self.scene.water.factor == 0.0:
@@ -133,7 +140,10 @@ class ReducedModel:
 
     def levels(self, activation: ActivationSource, times: ArrayLike) -> Floats:
         """Section averages of an activation as the model feels it, later by `lag`, (T, 11, S)."""
-        return activation.levels(np.asarray(times) - self.lag, self.edges)
+        levels = activation.levels(np.asarray(times) - self.lag, self.edges)
+        for group, gain in self.gains.items():
+            levels[:, MUSCLE_GROUPS.index(group)] *= gain
+        return levels
 
     # Motion
 

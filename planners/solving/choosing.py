@@ -19,6 +19,7 @@ from ..asking.primitives import Bend, BendWave, Elongate, Shorten, Twist
 from ..asking.task import Drive, Task
 from ..contracts import Goal, Primitive
 from ..model.reduced import ReducedModel
+from .present import Present
 from .problem import Problem, Reading
 from .search import COARSE, ENOUGH, FINE, Search, Stop
 
@@ -163,6 +164,7 @@ def choose(
     model: ReducedModel,
     stop: Stop,
     *,
+    present: Present | None = None,
     work: float = WORK,
     several: int = 1,
     tell: Callable[[int, float], None] = lambda _start, _miss: None,
@@ -177,6 +179,8 @@ def choose(
     model : ReducedModel
     stop : callable
         Whether time is up.
+    present : Present, optional
+        Where it begins; at rest if omitted.
     work : float
         Steps of the model after which no new start is made.
     several : int
@@ -191,7 +195,7 @@ def choose(
     Search
         What it has seen; its `found` is the best point with all drives.
     """
-    problem = Problem(channels(task, choice), model)
+    problem = Problem(channels(task, choice), model, present)
     search = Search(problem, stop, tell, work=work)
     made: list[Sequence] = []
     for start in search.ranked(guesses(problem, np.random.default_rng(0), GUESSES))[:STARTS]:
@@ -244,7 +248,7 @@ def _pruned(search: Search, x: Floats, reading: Reading) -> Sequence:
         if not dropped:
             break
         fewer = tuple(drive for drive in task.drives if drive.name not in dropped)
-        smaller = Problem(replace(task, drives=fewer), problem.model)
+        smaller = Problem(replace(task, drives=fewer), problem.model, problem.present)
         tried, held = _held(
             Search(smaller, stop), smaller.vector(dict(zip(names, x, strict=True))), AGAIN, offset, 0 if len(dropped) > 1 else 1
         )

@@ -74,7 +74,7 @@ def objective(problem: Problem, level_rate: float) -> ca.Function:
     """
     task, p = problem.task, ca.SX.sym("p", len(problem.names))
     begins, primitives = problem.primitives(ca.vertsplit(p))
-    end = ca.sum1(p[: len(task.phases)])
+    end = problem.present.clock + ca.sum1(p[: len(task.phases)])
     price = task.nominal_weight / 2 * ca.sumsqr((p - problem.start) / problem.box.scale) + task.time_weight * end
     order = [phase.name for phase in task.phases]
     active = []

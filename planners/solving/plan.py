@@ -15,6 +15,7 @@ from octoctrl.sim.topology.trace import TopologyTrace
 from ..asking.schedule import Schedule
 from ..asking.task import Task
 from ..contracts import Goal
+from ..fitting.identified import IdentifiedModel
 from ..model.reduced import ReducedModel
 
 Floats = NDArray[np.float64]
@@ -182,6 +183,10 @@ class Plan(Record):
         Name of the controller with which it is carried out.
     period : float, optional, s
         Between corrections; the plant's own if omitted.
+    identified : IdentifiedModel, optional
+        What it was planned on, with its region of validity and its reach.
+    since : float, s
+        Reading of its clock from which on it was planned; what lies before is history.
     report : PlanReport
     """
 
@@ -196,6 +201,8 @@ class Plan(Record):
     plant: str = "rod"
     feedback: str = "tvlqr"
     period: float | None = None
+    identified: IdentifiedModel | None = None
+    since: float = 0.0
     report: PlanReport = field(default_factory=PlanReport)
 
     def __post_init__(self) -> None:

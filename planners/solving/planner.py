@@ -25,6 +25,7 @@ from .choosing import Sequence, channels, choose
 from .doubt import doubt
 from .optimiser import objective, optimise
 from .plan import Alternative, GoalReport, Plan, PlanReport, PlanStatus
+from .present import Present, lifted_by
 from .problem import Problem
 from .reachability import unreachable
 from .search import COARSE, ENOUGH, Found, Search
@@ -94,6 +95,7 @@ def plan(
     time_limit: float = 30.0,
     guess: Plan | None = None,
     start: Mapping[str, float] | None = None,
+    present: Present | None = None,
     progress: Tell | None = None,
 ) -> Plan:
     """Plan a task.
@@ -109,6 +111,8 @@ def plan(
         A solved plan of a similar task to start from; a plan that is not solved is ignored, because it would lead astray.
     start : dict of str to float, optional
         First guess of single unknowns, by name (see `PlanReport.numbers`), in place of the task's own numbers.
+    present : Present, optional
+        Where the arm is; at rest if omitted.
     progress : Progress, optional
 
     Returns
@@ -139,14 +143,20 @@ def plan(
     if progress is not None:
         progress.start("planning")
     try:
-        return _planned(task, identified, clock, guess, start or {}, progress)
+        return _planned(task, identified, clock, guess, start or {}, present, progress)
     finally:
         if progress is not None:
             progress.stop()
 
 
 def _planned(
-    task: Task, identified: IdentifiedModel, clock: Clock, guess: Plan | None, start: Mapping[str, float], progress: Tell | None
+    task: Task,
+    identified: IdentifiedModel,
+    clock: Clock,
+    guess: Plan | None,
+    start: Mapping[str, float],
+    present: Present | None,
+    progress: Tell | None,
 ) -> Plan:
     known: Mapping[str, float] = guess.report.numbers if guess is not None and guess.status.solved else {}
 
@@ -162,14 +172,14 @@ def _planned(
         assert guess is not None
         task = replace(task, drives=guess.task.drives, choose=None)
     if task.choose is not None:
-        sequences, search = choose(task, task.choose, identified.model, late, several=SEVERAL, tell=told)
+        sequences, search = choose(task, task.choose, identified.model, late, present=present, several=SEVERAL, tell=told)
         clock.lap("choice")
         if not sequences:
             assert search.found is not None
             report = PlanReport(starts=search.starts, iterations=search.iterations)
             return _unsolved(search, search.found, identified, report, clock)
         task, known, others = sequences[0].task, sequences[0].numbers, tuple(map(_alternative, sequences))
-    problem = Problem(task, identified.model)
+    problem = Problem(task, identified.model, present)
     search = Search(problem, late, told)
     found = search.run(problem.vector(dict(known) | dict(start)))
     if not found.solved and found.reading.worst < NEAR and problem.guarded and not clock.after(SEARCH_SHARE):
@@ -259,7 +269,9 @@ def _unsolved(
         if free.found is not None and free.found.solved:
             found, status = free.found, PlanStatus.UTURN
     if status is not PlanStatus.TIME_LIMIT and asked is not None:
-        sequences, _ = choose(asked, Choice().on(identified.model.arm), identified.model, search.stop, work=OTHER_WORK)
+        sequences, _ = choose(
+            asked, Choice().on(identified.model.arm), identified.model, search.stop, present=problem.present, work=OTHER_WORK
+        )
         clock.lap("choice")
         if sequences:
             status, report = PlanStatus.OTHER_DRIVES, replace(report, alternatives=tuple(map(_alternative, sequences)))
@@ -272,10 +284,12 @@ def _finished(problem: Problem, found: Found, status: PlanStatus, identified: Id
     begins, schedule = problem.schedule(x)
     edges = [*begins.values(), schedule.duration]
     pieces = [np.linspace(a, b, max(2, int(np.ceil((b - a) / CHECK - 1e-9)) + 1))[1:] for a, b in pairwise(edges)]
-    time = np.concatenate([[0.0], *pieces])
+    present = problem.present
+    time = np.concatenate([[present.clock], *pieces])
     levels = model.levels(schedule.activation(), time[1:])
-    motion = model.simulate(levels, np.diff(time))
+    motion = model.simulate(levels, np.diff(time), start=present.strains, begin=present.clock)
     trace, recording = model.trace(motion.time, motion.strains, task.convention), model.recording(motion.time, motion.strains)
+    trace = lifted_by(trace, present.branch(trace.lifted_writhe[0]))
     goals = tuple(
         GoalReport(phase=phase.name, goal=goal, miss=miss_in_phase(goal, time, goal.miss(recording, trace, model.arm), begin, end))
         for phase, (begin, end) in zip(task.phases, pairwise(edges), strict=True)
@@ -310,7 +324,7 @@ def _finished(problem: Problem, found: Found, status: PlanStatus, identified: Id
     )
     return Plan(
         task=task, model=model, schedule=schedule, phase_begins=begins, time=motion.time, strains=motion.strains, trace=trace,
-        status=status, plant=identified.plant, report=report,
+        status=status, plant=identified.plant, identified=identified, since=present.clock, report=report,
     )  # fmt: skip
 
 
@@ -334,9 +348,10 @@ def _refused(task: Task, identified: IdentifiedModel, reason: str, clock: Clock)
         now += phase.duration
     primitives = tuple(drive.at(begins, {}) for drive in task.drives)
     time, zeros = np.array([0.0, now]), np.zeros(2)
+    schedule = Schedule(primitives=primitives, duration=now, composition="handover")
+    trace = TopologyTrace.from_lifted(time=time, lifted_writhe=zeros, twist=zeros, convention=task.convention)
     return Plan(
-        task=task, model=model, schedule=Schedule(primitives=primitives, duration=now, composition="handover"), phase_begins=begins,
-        time=time, strains=np.stack([model.rest, model.rest]), trace=TopologyTrace.from_lifted(
-            time=time, lifted_writhe=zeros, twist=zeros, convention=task.convention
-        ), status=PlanStatus.UNREACHABLE, plant=identified.plant, report=PlanReport(reason=reason, wall_time=clock.spent),
+        task=task, model=model, schedule=schedule, phase_begins=begins, time=time, strains=np.stack([model.rest, model.rest]), trace=trace,
+        status=PlanStatus.UNREACHABLE, plant=identified.plant, identified=identified,
+        report=PlanReport(reason=reason, wall_time=clock.spent),
     )  # fmt: skip

@@ -29,6 +29,7 @@ from ..model.readings import residual_function
 from ..model.reduced import ReducedModel
 from ..model.stepping import output_tables, outputs, simulate, simulate_with_slopes
 from .least_squares import Box
+from .present import Present
 from .slopes import Slopes, SlopesMath
 
 Floats = NDArray[np.float64]
@@ -129,9 +130,12 @@ class Problem:
     ----------
     task : Task
     model : ReducedModel
+    present : Present, optional
+        Where it begins; at rest if omitted.
     """
 
-    def __init__(self, task: Task, model: ReducedModel) -> None:
+    def __init__(self, task: Task, model: ReducedModel, present: Present | None = None) -> None:
+        self.present = Present.at_rest(model) if present is None else present
         self.task, self.model, self.delay, self.work, self.guard = task, model, 0.0, 0.0, GUARD
         self.names = [f"{phase.name}.duration" for phase in task.phases]
         lower, upper = [phase.shortest for phase in task.phases], [phase.longest for phase in task.phases]
@@ -191,7 +195,7 @@ class Problem:
         """Phase begins and primitives for numbers, symbols or numbers with slopes, in the order of the names."""
         left = list(values)
         begins: dict[str, Any] = {}
-        now = 0.0 * left[0]
+        now = self.present.clock + 0.0 * left[0]
         for phase in self.task.phases:
             begins[phase.name] = now
             now = now + left.pop(0)
@@ -200,8 +204,8 @@ class Problem:
     def schedule(self, x: Floats) -> tuple[dict[str, float], Schedule]:
         """Phase begins, s, and the schedule of the unknowns."""
         begins, primitives = self.primitives([float(value) for value in x])
-        duration = float(x[: len(self.task.phases)].sum())
-        return begins, Schedule(primitives=tuple(primitives), duration=duration, composition="handover")
+        duration = self.present.clock + float(x[: len(self.task.phases)].sum())
+        return begins, Schedule(primitives=(*self.present.before, *primitives), duration=duration, composition="handover")
 
     def read(self, x: Floats, grid: Grid, slopes: bool = False) -> Reading:
         """What the unknowns lead to.
@@ -218,15 +222,15 @@ class Problem:
         self.work += len(lengths) * (1 + SLOPE_WORK * len(free) * slopes)
         if slopes:
             levels, level_slopes, step_slopes = self._inputs(x, grid, free)
-            strains, by_number = simulate_with_slopes(model.step_model, model.rest, levels, level_slopes, lengths, step_slopes)
+            strains, by_number = simulate_with_slopes(model.step_model, self.present.strains, levels, level_slopes, lengths, step_slopes)
         else:
-            levels = model.levels(self.schedule(x)[1].activation(), np.cumsum(lengths) - self.delay)
-            strains, by_number = simulate(model.step_model, model.rest, levels, lengths), np.empty((0, 0, 0))
+            levels = model.levels(self.schedule(x)[1].activation(), self.present.clock + np.cumsum(lengths) - self.delay)
+            strains, by_number = simulate(model.step_model, self.present.strains, levels, lengths), np.empty((0, 0, 0))
         if not np.isfinite(strains).all():
             return self._lost(grid, len(x) if slopes else 0)
         values, gradients = outputs(output_tables(model.arm, model.sections), strains, self.pole, slopes)
         turned = 2 * np.cumsum(np.round(np.diff(values[:, WRITHE], prepend=values[0, WRITHE]) / 2))
-        values[:, [WRITHE, LINK]] -= turned[:, None]
+        values[:, [WRITHE, LINK]] += self.present.branch(values[0, WRITHE]) - turned[:, None]
         misses, shares, by_unknown = [np.empty(0)], [], [np.empty((0, len(free)))]
         for aim, instants in zip(self.aims, grid.instants, strict=True):
             found = [aim.function(values[t], strains[t].T) for t in instants]
@@ -261,15 +265,16 @@ class Problem:
         unit = np.eye(len(x))[:, free]
         numbers = [Slopes(value, row) for value, row in zip(x, unit, strict=True)]
         _, primitives = self.primitives(numbers)
-        activation = Schedule(primitives=tuple(primitives), duration=1.0, composition="handover").activation()
+        activation = Schedule(primitives=(*self.present.before, *primitives), duration=1.0, composition="handover").activation()
         step_slopes = np.concatenate([np.tile(unit[phase] / steps, (steps, 1)) for phase, steps in enumerate(grid.steps)])
-        times = np.cumsum(np.repeat(x[: len(grid.steps)] / grid.steps, grid.steps)) - self.model.lag - self.delay
+        times = np.cumsum(np.repeat(x[: len(grid.steps)] / grid.steps, grid.steps)) + self.present.clock - self.model.lag - self.delay
         time = Slopes(times[:, None], np.cumsum(step_slopes, axis=0)[:, None, :])
         edges, shape = self.model.edges, (len(times), len(MUSCLE_GROUPS), self.model.sections)
         levels, slopes, known = np.zeros(shape), np.zeros((*shape, len(free))), dict[int, tuple[Any, Any, Any]]()
         for group in activation.groups:
             found, column = activation.compose(SlopesMath, group, time, edges[:-1], edges[1:], known), MUSCLE_GROUPS.index(group)
-            levels[:, column], slopes[:, column] = found.value, found.slope
+            gain = self.model.gains.get(group, 1.0)
+            levels[:, column], slopes[:, column] = gain * found.value, gain * found.slope
         return levels, slopes, step_slopes
 
     def _lost(self, grid: Grid, unknowns: int) -> Reading:
