@@ -83,7 +83,7 @@ class Replanner:
         self.done, self.dead, self._off = list[Replan](), dict[str, float](), 0
 
     def reason(self, plan: Plan, clock: float, trace: TopologyTrace, report: ControllerReport) -> str:
-        """Why to plan again now, at the plan's `clock`, s; empty if nothing calls for it. The `trace` is measured."""
+        """Why to plan again at the `clock` (s) of a `plan`, from the measured `trace` and the controller's `report`; empty if nothing does."""
         settings, now = self.settings, float(np.clip(clock, 0.0, plan.trace.time[-1]))
         off = {
             name: float(getattr(trace, name)[-1] - np.interp(now, plan.trace.time, getattr(plan.trace, name)))
@@ -102,7 +102,23 @@ class Replanner:
     def plan(
         self, old: Plan, ahead: Sequence[str], observation: Observation, trace: TopologyTrace, clock: float, reason: str
     ) -> Plan | None:
-        """A plan that goes on from what is seen at the `clock`, s; None if there is none, or there have been enough of them."""
+        """A plan that goes on from what is seen, or None if there is none, or there have been enough of them.
+
+        Parameters
+        ----------
+        old : Plan
+        ahead : sequence of str
+            Phases that have not ended.
+        observation : Observation
+        trace : TopologyTrace
+            Measured.
+        clock : float, s
+        reason : str
+
+        Returns
+        -------
+        Plan or None
+        """
         if len(self.done) >= self.settings.most or not ahead:
             return None
         self._off = 0
