@@ -83,7 +83,7 @@ class Replanner:
         self.done, self.dead, self._off = list[Replan](), dict[str, float](), 0
 
     def reason(self, plan: Plan, clock: float, trace: TopologyTrace, report: ControllerReport) -> str:
-        """Why to plan again at the `clock` (s) of a `plan`, from the measured `trace` and the controller's `report`; empty if nothing does."""
+        """Why to plan again at the `clock` (s) of a `plan`, by the measured `trace` and the controller's `report`; mostly empty."""
         settings, now = self.settings, float(np.clip(clock, 0.0, plan.trace.time[-1]))
         off = {
             name: float(getattr(trace, name)[-1] - np.interp(now, plan.trace.time, getattr(plan.trace, name)))
@@ -182,7 +182,8 @@ def _left(plan: Plan, clock: float, ahead: Sequence[str]) -> tuple[Task, tuple[A
     phases[0] = replace(phases[0], duration=float(np.clip(left if left > phases[0].shortest else phases[0].duration,
                                                           phases[0].shortest, phases[0].longest)))  # fmt: skip
     before, begun, drives = list[Any](), list[Drive](), list[Drive]()
-    for drive, primitive in zip(plan.task.drives, plan.schedule.primitives, strict=True):
+    primitives: Sequence[Any] = plan.schedule.primitives  # with an onset and mostly an offset, which the contract leaves open
+    for drive, primitive in zip(plan.task.drives, primitives, strict=True):
         if drive.begins in ahead[1:]:
             drives.append(drive)
             continue
