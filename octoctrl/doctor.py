@@ -129,6 +129,8 @@ def needs(configuration: Configuration) -> Findings:
     rows = [("plant", f"{name}: {row.text}", "needed"), *_features(plant, row, activation.groups)]
     rows += [("step", step_text(plant), ""), ("run time", _run_time(plant, row, activation, duration), "")]
     rows += _volume(plant)
+    if plant.retried:
+        rows.append(("finer steps", f"{plant.retried} samples of these {plant.time:.3g} s would have stopped at the whole step", "needed"))
     return Findings(title=f"Task '{task.name}'", rows=tuple(rows))
 
 

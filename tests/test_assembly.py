@@ -20,6 +20,7 @@ from octoctrl.sim.topology.measures import twist
 
 ARM = Arm.octopus()
 GEOMETRY = assembly_geometry(ARM)
+STEP = 5e-3 / 71
 STRAIGHT, RINGS, OBLIQUE = GEOMETRY.straight, GEOMETRY.rings, GEOMETRY.oblique
 MM, GRAM, CONTACT = 1e-3, 1e-3, 0.0316227766
 """Units of the printed numbers: mm, g; contact constants in g s^-2 mm^-1/2."""
@@ -321,7 +322,7 @@ def test_rings_and_helices_follow_their_law(state):
                 between = nodes[i, (q + dq) % 40] - helices[j, h + dh]
                 distance = np.linalg.norm(between)
                 overlap = max(thick[i, (q + dq) % 40] + fibre[j, h + dh] - distance, 0.0)
-                soft = 0.75 * 5e-5**2 * constants.oblique_contact[i] * (1 / mass_ring[i] + 1 / mass_helix[h])
+                soft = 1.5 * STEP**2 * constants.oblique_contact[i] * (1 / mass_ring[i] + 1 / mass_helix[h])
                 push = constants.oblique_contact[i] * overlap**1.5 / np.sqrt(1 + soft**2 * overlap) * between / distance
                 want_helix[j, h + dh] -= push
                 want_ring[i, (q + dq) % 40] += push
@@ -384,7 +385,7 @@ def test_left_and_right_hand_are_mirror_images():
         moved[group] = [(twist(recording.points[i], -recording.frames[i, 1:-1, 1]), recording.length[i]) for i in (2, -1)]
     # Compressed fibres of the other hand then buckle, and rounding decides which way.
     for (right, shorter), (left, short), digits in zip(*moved.values(), (1e-9, 1e-3), strict=True):
-        assert right < -0.01 and left == pytest.approx(-right, rel=digits) and short == pytest.approx(shorter, rel=digits)
+        assert right < -0.009 and left == pytest.approx(-right, rel=digits) and short == pytest.approx(shorter, rel=digits)
 
 
 @pytest.mark.slow
@@ -405,7 +406,7 @@ def test_a_saved_state_continues_bit_by_bit(tmp_path):
     other.advance(programme(), 0.01)
     for mine, theirs in zip(plant.core.nodes(), other.core.nodes(), strict=True):
         np.testing.assert_array_equal(mine, theirs)
-    with pytest.raises(OctoctrlError, match="steps=100"):
+    with pytest.raises(OctoctrlError, match="steps=71"):
         make_plant("assembly", dt=2e-5).load(tmp_path / "state.npz")
 
 
@@ -415,7 +416,7 @@ def test_cord_brake_moves_momentum_from_the_cord_to_its_muscles(state):
     speed = rods.straight(R.V1, nodes=True)
     speed[:] = generator.normal(size=speed.shape)
     speed[:, 0] = 0.0
-    before, mass = speed.copy(), straight_mass(ARM, GEOMETRY, 5e-5)
+    before, mass = speed.copy(), straight_mass(ARM, GEOMETRY, STEP)
     parts["cord_brake"](rods.flat, 0.25, np.uint64(2), np.uint64(182))
     np.testing.assert_allclose((mass * speed).sum(axis=0), (mass * before).sum(axis=0), atol=1e-15 * mass.max())
     np.testing.assert_allclose((speed[0] - speed[1:].mean(axis=0))[1:], 0.75 * (before[0] - before[1:].mean(axis=0))[1:], rtol=1e-12)
@@ -476,7 +477,9 @@ def test_a_sample_that_stops_is_tried_again_at_parts_of_the_step():
     plant, halved, quartered = (Plant(core, Clock(steps=20 * parts), automatic=True) for core, parts in zip(cores, (1, 2, 4), strict=True))
     while not plant.retried:
         before = plant.state()
-        found = plant.advance(pull, 0.005).points[-1]
+        recording = plant.advance(pull, 0.005)
+        assert recording.finer == plant.retried
+        found = recording.points[-1]
         assert plant.time < 0.05
     with pytest.raises(PlantUnstableError):
         coarse = Plant(AssemblyCore(ARM, Scene(), ring_nodes=8), Clock(steps=20))
@@ -488,6 +491,16 @@ def test_a_sample_that_stops_is_tried_again_at_parts_of_the_step():
         finer.append(other.advance(pull, 0.005).points[-1])
     assert np.array_equal(found, finer[0]) or np.array_equal(found, finer[1])
     assert not np.array_equal(*finer) and plant.h == pytest.approx(2.5e-4)
+
+
+def test_all_muscles_together_contract_without_flutter():
+    """Contracted helices and muscles scallop the rings; taken for stiffer than they are, these flutter at half a metre per second."""
+    plant = make_plant("assembly")
+    everything = Plateau(groups=plant.arm.layout.names, level=1.0, rise=0.5)
+    recording = plant.advance(Activation(templates=(everything,)), 0.12)
+    ring = np.stack([plant.core.rods.ring(R.V1 + i) for i in range(3)])
+    assert plant.h > 7e-5 and recording.finer == plant.retried == 0
+    assert np.abs(ring).max() < 0.08
 
 
 def test_guard_names_rod_and_element():

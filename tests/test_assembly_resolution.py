@@ -105,7 +105,7 @@ def test_a_coarse_arm_twists_like_the_published_one():
 
 def test_step_follows_the_thinnest_ring():
     steps = [make_plant("assembly", **options).h for options in ({"ring_nodes": 8}, {}, {"rings": 360})]
-    assert steps[1] == 5e-5 and steps == sorted(steps, reverse=True) and len(set(steps)) == 3
+    assert steps[0] == steps[1] == 5e-3 / 71 and steps[2] < 0.5 * steps[1]
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_strong_programmes_run_at_the_automatic_step(nodes, groups):
         ({"rings": "fine"}, "rings='fine': 180 rings of 40 nodes can only be made finer"),
         ({"ring_nodes": 12}, "ring_nodes=12: eight muscles need a multiple of 8, at most 40 with 180 rings"),
         ({"ring_nodes": 8, "paper_compatible": True}, "paper_compatible is the published arm with its own numbers"),
-        ({"ring_nodes": 8, "dt": 1e-4}, "dt=0.0001 s exceeds the stability bound 8.5e-05 s (thin rings); use dt='auto'"),
+        ({"ring_nodes": 8, "dt": 1e-4}, "dt=0.0001 s exceeds the stability bound 8.1e-05 s (thin rings); use dt='auto'"),
     ],
 )
 def test_what_does_not_fit_is_refused(options, sentence):

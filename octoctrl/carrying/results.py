@@ -267,6 +267,8 @@ def execution_text(run: Execution) -> str:
         lines.append(f" {group} does nothing: it was activated and the arm did not answer; found at {when:.2f} s")
     for again in run.replans:
         lines.append(f" planned again at {again.time:.2f} s, for {again.reason}: {again.status.name.lower().replace('_', ' ')}")
+    if recording.finer:
+        lines.append(f" {recording.finer} samples were done at a half or a quarter of the step: at the whole they would have stopped")
     lines.append(f" {run.status.value}" + (f" ({recording.note})" if recording.note else ""))
     return "\n".join(lines)
 

@@ -378,7 +378,7 @@ def _fill_connections(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeomet
     buffer.spoke(S.R_REPULSION)[:] = ring.muscle_repulsion
     buffer.spoke(S.R_NEXT)[:, :-1] = ring.ring_spring
     buffer.spoke(S.RING_RADIUS)[:] = geometry.rings.radius[:, 0]
-    buffer.spoke(S.R_EFFECTIVE)[:] = (0.75 * h * h * ring.muscle_contact * (1 / ring_mass + 1 / muscle_mass)) ** 2
+    buffer.spoke(S.R_EFFECTIVE)[:] = (1.5 * h * h * ring.muscle_contact * (1 / ring_mass + 1 / muscle_mass)) ** 2
     helix_mass = geometry.oblique.node_mass[:, :: grid.helix_nodes]
     buffer.crossing(C.SPRING)[:] = ring.oblique_spring
     for row in (C.CONTACT, C.P_CONTACT, C.N_CONTACT):
@@ -393,7 +393,7 @@ def _fill_connections(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeomet
     half = grid.helices // 2
     buffer.crossing(C.N_CONTACT)[:half, 0] = buffer.crossing(C.P_CONTACT)[half:, 0] = 0.0
     buffer.crossing(C.P_CONTACT)[:half, -1] = buffer.crossing(C.N_CONTACT)[half:, -1] = 0.0
-    buffer.crossing(C.EFFECTIVE)[:] = (0.75 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)) ** 2
+    buffer.crossing(C.EFFECTIVE)[:] = (1.5 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)) ** 2
 
 
 def _fill_radii(buffer: AssemblyBuffer, geometry: AssemblyGeometry) -> None:

@@ -230,7 +230,8 @@ def thin_ring_limit(arm: Arm, geometry: AssemblyGeometry) -> tuple[float, int]:
     """Linear limit of the step, 2 over the highest frequency of the springs at a ring's nodes, which no implicit step carries.
 
     The two modes that bind are a ring node against the longitudinal muscle inside it (few rings), and a ring node against its neighbours
-    in the next rings (many).
+    in the next rings (many). Coarse rings have the limit of the rings that they stand for: their own nodes are heavier, but what carries
+    helices and tips over a step is not.
 
     Returns
     -------
@@ -240,6 +241,7 @@ def thin_ring_limit(arm: Arm, geometry: AssemblyGeometry) -> tuple[float, int]:
     """
     joints = ring_connections(arm, geometry)
     ring, muscle = geometry.rings.node_mass[:, 0], geometry.straight.element_mass[1]
+    ring = ring * min(1.0, geometry.grid.ring_nodes * geometry.grid.bundle / PUBLISHED_NODES)
     beside = np.append(joints.ring_spring, 0.0) + np.insert(joints.ring_spring, 0, 0.0)
     opposite = joints.muscle_spring * (1 / ring + 1 / muscle)
     alternate = (joints.muscle_spring + 2 * beside + joints.oblique_spring) / ring

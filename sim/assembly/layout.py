@@ -95,7 +95,7 @@ class SlabRow(Rows):
     REST, BULK, COMPLIANCE, ROOT, GAIN, CLOSURE = (auto() for _ in range(6))
     # Vector area of the ring, mean edge of the muscles, volume and pressure; system of the projection; carries of the smoothing.
     A1, A2, A3, E1, E2, E3, VOLUME, PRESSURE = (auto() for _ in range(8))
-    WEIGHT, RATE, SCALE, COUPLING, IMPULSE, UP, DOWN, SHARE = (auto() for _ in range(8))
+    GIVE, DRAW, WEIGHT, RATE, SCALE, COUPLING, IMPULSE, UP, DOWN, SHARE = (auto() for _ in range(10))
     RING_RATE1, RING_RATE2, RING_RATE3, EDGE_RATE1, EDGE_RATE2, EDGE_RATE3 = (auto() for _ in range(6))
 
 

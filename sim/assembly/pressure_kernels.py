@@ -15,18 +15,26 @@ pressure solve, with W the velocity per force of a node over one step h and g th
 which is tridiagonal, as only muscles reach from slab to slab. On the right stands all that the step does to V, a polynomial of third
 degree: with its first order g.v alone, a curled tip that moves by a tenth of a ring's radius in a step would gain or lose a hundredth of
 its volume, a pressure of 100 kPa, and shake itself apart. The pressure of the next step follows from V itself and agrees with p + dp:
-there is no state beside the positions. For the ring nodes W is that of a ring that breathes, W / (1 + W Y (2 - 2 cos(2 pi / n))) with Y the
-mean viscosity of its elements over the step, since pressure must move the whole hoop and not its nodes alone; with the bare W it would lag.
-"""
+there is no state beside the positions.
 
-from math import cos, tau
+Pressure must move a whole hoop and not its nodes alone: over a step the viscosity of a ring's elements is hundreds to thousands of times
+its mass. So its nodes have a part of W, v += w W g dp, with w the part of g.dv that one tension leaves, the same for the whole hoop: with
+t_q the tangents, c_q = t_q-1 - t_q and Y_q the viscosities of the elements over the step,
+
+    w = 1 - W (sum g_q.c_q)^2 / ((sum 1 / Y_q + W sum |c_q|^2) sum |g_q|^2)
+
+which is 1 / (1 + W Y (2 - 2 cos(2 pi / n))) for a round ring. Muscles that push and helices that pull scallop a ring, which then gives
+way to pressure without stretching anything; this w knows it, and is never too small, since a tension free to differ from element to
+element would leave less. If a ring gave way more than twice as much as the projection takes it to, the pressure would overshoot from step
+to step and the rings flutter; with the bare W, w = 1, it would lag.
+"""
 
 import numpy as np
 
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from .crossing_kernels import crossing_offsets
-from .family_kernels import family_offsets, position_kernels
+from .family_kernels import NOTHING, family_offsets, position_kernels
 from .layout import CrossingRow, SlabRow, stride_of
 
 ONE = np.uint64(1)
@@ -63,13 +71,14 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
     A1, A2, A3, E1, E2, E3, REST, BULK, VOLUME, PRESSURE = (
         t[k] for k in ("A1", "A2", "A3", "E1", "E2", "E3", "REST", "BULK", "VOLUME", "PRESSURE")
     )
-    WEIGHT, RATE, SCALE, COUPLING, IMPULSE, COMPLIANCE = (t[k] for k in "WEIGHT RATE SCALE COUPLING IMPULSE COMPLIANCE".split())
+    RATE, SCALE, COUPLING, IMPULSE, COMPLIANCE = (t[k] for k in "RATE SCALE COUPLING IMPULSE COMPLIANCE".split())
+    GIVE, DRAW, WEIGHT = (t[k] for k in ("GIVE", "DRAW", "WEIGHT"))
     B1, B2, B3, D1, D2, D3 = (t[f"{f}{i}"] for f in ("RING_RATE", "EDGE_RATE") for i in (1, 2, 3))
     RX1, RX2, RX3, RV1, RV2, RV3, RF1, RF2, RF3 = (g[f"{f}{i}"] for f in "XVF" for i in (1, 2, 3))
     V1, V2, V3, N1, N2, N3 = (o[f"{f}{i}"] for f in "VN" for i in (1, 2, 3))
     (apart, _), (ring_apart, _) = position_kernels(grid, False), position_kernels(grid, True)
     SECTION, MOBILITY, RING_MOBILITY, VISCOSITY = o["SECTION"], o["NODE_MOBILITY"], g["NODE_MOBILITY"], g["VISCOSITY"]
-    hoop = (2 - 2 * cos(tau / nodes)) / nodes
+    RT1, RT2, RT3 = (g[f"T{i}"] for i in (1, 2, 3))
 
     @kernel(inline="always")
     def beside(node):
@@ -170,16 +179,10 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
 
     @kernel
     def project(b, h):
-        for row in (SCALE, COUPLING, WEIGHT):
+        for row in (SCALE, COUPLING, GIVE, DRAW):
             for i in range(L):
                 b[row + i] = 0.0
         swell(b, h)
-        for node in range(1, nodes + 1):
-            here = np.uint64(node) * L
-            for i in range(ONE, last):
-                b[WEIGHT + i] += b[VISCOSITY + here + i]
-        for i in range(ONE, last):
-            b[WEIGHT + i] = 1.0 / (1.0 + hoop * b[RING_MOBILITY + L + i] * b[WEIGHT + i])
         for node in range(1, nodes + 1):
             here, (before, after) = np.uint64(node) * L, beside(node)
             for i in range(ONE, last):
@@ -187,7 +190,15 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
                 d1, d2, d3 = 0.5 * (b[RX1 + q] - b[RX1 + p]), 0.5 * (b[RX2 + q] - b[RX2 + p]), 0.5 * (b[RX3 + q] - b[RX3 + p])
                 e1, e2, e3 = b[E1 + i], b[E2 + i], b[E3 + i]
                 g1, g2, g3 = e2 * d3 - e3 * d2, e3 * d1 - e1 * d3, e1 * d2 - e2 * d1
-                b[SCALE + i] += b[WEIGHT + i] * b[RING_MOBILITY + k] * (g1 * g1 + g2 * g2 + g3 * g3)
+                mobility = b[RING_MOBILITY + k]
+                c1, c2, c3 = b[RT1 + k - L] - b[RT1 + k], b[RT2 + k - L] - b[RT2 + k], b[RT3 + k - L] - b[RT3 + k]
+                b[SCALE + i] += mobility * (g1 * g1 + g2 * g2 + g3 * g3)
+                b[DRAW + i] += mobility * (g1 * c1 + g2 * c2 + g3 * c3)
+                b[GIVE + i] += 1.0 / (b[VISCOSITY + k] + NOTHING) + mobility * (c1 * c1 + c2 * c2 + c3 * c3)
+        for i in range(ONE, last):
+            # The held ring has no mobility at all.
+            b[WEIGHT + i] = 1.0 - b[DRAW + i] * b[DRAW + i] / (b[GIVE + i] * b[SCALE + i] + NOTHING)
+            b[SCALE + i] *= b[WEIGHT + i]
         for rod in range(ONE, straight):
             for i in range(ONE, last):
                 k = rod * L + i

@@ -3,8 +3,9 @@
 All connections of a cross-section are computed lane by lane (one lane per ring and longitudinal element) from copies of the nodes in
 the spokes' buffer, so that every loop runs over consecutive numbers; results go to rows of their own and are summed afterwards.
 
-Contacts are softened for the step, f = k p^1.5 / sqrt(1 + s^2) with s = 3/4 h^2 k p^0.5 (1/m_1 + 1/m_2), so that no stiffness exceeds a
-third of what the step can carry, while the error is of order h^4.
+Contacts are softened for the step, f = k p^1.5 / sqrt(1 + s^2) with s = 3/2 h^2 k p^0.5 (1/m_1 + 1/m_2), so that no stiffness exceeds a
+sixth of what the step can carry, while the error is of order h^4. Where helices of both hands cross at a muscle, a ring node touches all
+three of them.
 """
 
 from math import pi

@@ -383,7 +383,7 @@ class Plant:
                 limit = f"predicted limit {core.limit.step:.2g} s from {core.limit.mechanism}"
                 raise PlantUnstableError.of(stop, stop.message(clock.step, limit), kept)
             self._samples += moved
-            pieces.append(self._piece(finer, levels["arm"][done + moved : done + moved + 2]))
+            pieces.append(replace(self._piece(finer, levels["arm"][done + moved : done + moved + 2]), finer=1))
             self._samples += 1
             motion = finer
         return pieces, motion

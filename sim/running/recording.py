@@ -33,6 +33,8 @@ class Recording(Record):
         Activation in force, by group of `octoctrl.sim.body.arm.MUSCLE_GROUPS` and element.
     series : dict of str to (T, ...) float64
         What else the plant keeps, by name; `octoctrl.sim.contracts.Core.series` of each plant says what that is.
+    finer : int
+        How many samples were done at a part of the step, because they would have stopped at the whole.
     complete : bool
         False when the run was cut short; `note` says by what.
     note : str
@@ -45,6 +47,7 @@ class Recording(Record):
     stretch: Floats
     levels: Floats
     series: dict[str, Floats] = field(default_factory=dict)
+    finer: int = 0
     complete: bool = True
     note: str = ""
 
@@ -74,7 +77,7 @@ class Recording(Record):
         }
         kept = [name for name in pieces[0].series if all(name in piece.series for piece in pieces)]
         series = {name: np.concatenate([piece.series[name][skip:] for piece, skip in zip(pieces, skips, strict=True)]) for name in kept}
-        return replace(pieces[0], **fields, series=series)
+        return replace(pieces[0], **fields, series=series, finer=sum(piece.finer for piece in pieces))
 
     def until(self, time: float) -> "Recording":
         """The recording up to `time` (s), included."""
