@@ -100,7 +100,7 @@ def planning_times(configuration, identified):
     timed("again from the task's own numbers", task)
     timed("again, last goal from 1.0 to 0.95", with_goal(task, "telescope", "twist", 0.95), guess=plan)
     timed("again, first goal from -1.0 to -1.1", with_goal(task, "store", "twist", -1.1), guess=plan)
-    timed("again, writhe from -1.95 to -2.0", with_goal(task, "cross", "lifted_writhe", -2.0, 0.15), guess=plan)
+    timed("again, writhe from -2.0 to -1.95", with_goal(task, "cross", "lifted_writhe", -1.95, 0.15), guess=plan)
     timed("unreachable: three turns of twist", with_goal(task, "telescope", "twist", 3.0))
     timed("unreachable: arm of half a metre", with_goal(task, "telescope", "length", 0.5, 0.01))
     timed("three turns of planar writhe", with_goal(task, "cross", "lifted_writhe", -3.0, 0.15))

@@ -16,7 +16,7 @@ from octoctrl.sim.plants import PLANTS, Plant, PlantRow
 
 from .files.configuration import Configuration
 
-TIP = (0.0010519501, 0.1969863938, 0.0)
+TIP = (0.0010627002, 0.1972058310, 0.0)
 """Where the default arm's tip stands after 0.1 s of LM1 at 0.3, m: x towards LM1, y along the arm."""
 TIP_TOLERANCE = 1e-8
 """Rounding differs between processors; nothing else does."""

@@ -26,7 +26,8 @@ from octoctrl.sim.scene.scene import Scene
 def plan():
     configuration = tasks.load("coil")
     found = planner.plan(configuration.task, load_identified(configuration.arm, configuration.scene), time_limit=600.0)
-    assert found.status is PlanStatus.SOLVED
+    # In doubt: five per cent of oblique strength are half a tolerance of twist. Feedback is what these tests are about.
+    assert found.status.solved
     return found
 
 
@@ -206,7 +207,7 @@ def long_arm_plan(ends, level, duration):
     begins = {"twist": 0.0, "writhe": 1.45}
     phases = oc.Phase(name="twist", duration=1.5, goals=goals[:1]), oc.Phase(name="writhe", duration=2.0, goals=goals[1:])
     drives = (
-        oc.Drive(name="store", primitive=oc.Twist(hand="R-OM", level=0.0552), begins="twist", ends=ends),
+        oc.Drive(name="store", primitive=oc.Twist(hand="R-OM", level=0.0658), begins="twist", ends=ends),
         oc.Drive(name="bend", primitive=oc.Bend(level=level), begins="writhe"),
     )
     schedule = oc.Schedule(primitives=tuple(drive.at(begins, {}) for drive in drives), duration=duration)
@@ -217,7 +218,7 @@ def long_arm_plan(ends, level, duration):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("numbers", [("", 0.289, 2.318), ("writhe", 0.294, 2.277)], ids=["held", "released"])
+@pytest.mark.parametrize("numbers", [("", 0.192, 2.318), ("writhe", 0.233, 2.277)], ids=["held", "released"])
 def test_waiting_never_ends_farther_from_the_goal(numbers):
     plan, errors = long_arm_plan(*numbers), []
     for patience in (0.0, 0.3, 1.0):

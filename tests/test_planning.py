@@ -62,7 +62,8 @@ def numbers(plan):
 
 
 def test_coil_is_solved_and_its_goals_hold_on_a_simulation_of_our_own(coil, identified):
-    assert coil.status is PlanStatus.SOLVED and coil.raise_if_failed() is coil
+    # In doubt, as five per cent of oblique strength are half a tolerance of twist.
+    assert coil.status is PlanStatus.DOUBTFUL and "twist 0" in coil.report.reason and coil.raise_if_failed() is coil
     model, ends = identified.model, [*list(coil.phase_begins.values())[1:], coil.schedule.duration]
     motion = model.respond(coil.schedule.activation(), coil.schedule.duration, step=0.01)
     trace = model.trace(motion.time, motion.strains, COIL.convention).at(np.array(ends))
@@ -103,7 +104,7 @@ def test_plan_is_deterministic(coil, identified):
 def same_plan_from(perturbation, coil, problem, identified):
     start = dict(zip(problem.names, problem.start * (1 + 0.3 * perturbation), strict=True))
     found = planner.plan(COIL, identified, start=start)
-    assert found.status is PlanStatus.SOLVED
+    assert found.status.solved
     return abs((numbers(found) - numbers(coil)) / problem.box.scale).max()
 
 
@@ -116,7 +117,7 @@ def test_perturbed_guesses_lead_to_the_same_plan(count, coil, problem, identifie
 # What cannot be done, or not in time
 
 UNREACHABLE = {
-    "five turns of writhe": ({"cross": aims("lifted_writhe", -5.0, 0.15)}, ["cross", "lifted writhe -5 ± 0.15 turns", "at most 4.64"]),
+    "five turns of writhe": ({"cross": aims("lifted_writhe", -5.0, 0.15)}, ["cross", "lifted writhe -5 ± 0.15 turns", "at most 4.48"]),
     "three turns of twist": ({"telescope": aims("twist", 3.0)}, ["telescope", "twist 3", "L-OM stores at most"]),
     "half a metre": ({"telescope": aims("length", 0.5, 0.01)}, ["telescope", "length 0.5", "mm long at activation 0.75"]),
 }
@@ -220,7 +221,7 @@ def test_planning_again_is_quicker_and_ends_where_a_cold_start_ends(coil, proble
     task = with_goals(telescope=aims("twist", 0.95))
     cold = planner.plan(task, identified)
     again = planner.plan(task, identified, guess=coil)
-    assert again.status is cold.status is PlanStatus.SOLVED
+    assert again.status is cold.status and cold.status.solved
     assert again.report.iterations < cold.report.iterations
     assert abs((numbers(again) - numbers(cold)) / problem.box.scale).max() < 0.05
 
