@@ -62,7 +62,7 @@ class Kind:
 
 
 def draw(kind: str, seed: int, number: int, plant: str = "assembly") -> Trial:
-    """The trial of this `kind`, of `KINDS` or `ASSEMBLY_KINDS`, `seed` and `number`; those of the full arm on one of its plants."""
+    """The trial of this `kind`, of `KINDS` or `ASSEMBLY_KINDS`, `seed` and `number`; those of the full arm are of the `plant`."""
     known, random = KINDS | ASSEMBLY_KINDS, np.random.default_rng([seed, crc32(kind.encode()), number])
     return Trial(kind=kind, number=number, plant="rod" if kind in KINDS else plant, **known[kind].draw(random, number))
 
