@@ -123,7 +123,7 @@ PAIRS = (
     ("TM", "L-OM"),
     ("R-OM", "L-OM"),
 )
-"""All that differ by more than a turn of the arm about its axis."""
+"""All that differ by more than a turn of the arm about its axis or its mirror image, which swaps the hands."""
 
 MORE = (("LM1", "LM2", "LM8"), LONGITUDINAL_GROUPS, (*LONGITUDINAL_GROUPS, "TM"), MUSCLE_GROUPS)
 NAMES = {LONGITUDINAL_GROUPS: "LM1..8", (*LONGITUDINAL_GROUPS, "TM"): "LM1..8, TM", MUSCLE_GROUPS: "everything"}
@@ -133,9 +133,9 @@ RISE, HELD = 0.5, 2.0
 def volume(words):
     """Print what groups alone, in pairs and together do in 2 s to volume and shape, and whether they are survived.
 
-    `words` may hold ``coarse``, ``notone``, ``singles`` (no pairs), a level, and a step in microseconds as ``50us``.
+    `words` may hold ``coarse``, ``mixed``, ``notone``, ``singles`` (no pairs), a level, and a step in microseconds as ``50us``.
     """
-    kind, tone = ("assembly-coarse" if "coarse" in words else "assembly"), (0.0 if "notone" in words else None)
+    kind, tone = "assembly" + "-coarse" * ("coarse" in words) + "-mixed" * ("mixed" in words), (0.0 if "notone" in words else None)
     levels = [float(word) for word in words if word.replace(".", "", 1).isdigit()] or [0.3, 1.0]
     step = next((float(word[:-2]) * 1e-6 for word in words if word.endswith("us")), "auto")
     print("volume of the whole and of the slab furthest from rest, ever, %; line through the rings' centres: change of length, greatest")

@@ -254,7 +254,7 @@ def test_ring_and_muscle_follow_their_law_and_push_each_other_equally(state):
         distance = np.linalg.norm(muscle - x, axis=1)
         overlap = np.maximum(reach[:, 0] - distance, 0)
         effective = rods.spoke(SpokeRow.R_EFFECTIVE)[m] * overlap
-        push = constants.muscle_contact * overlap**1.5 / np.sqrt(1 + effective)
+        push = constants.muscle_contact * overlap**1.5 / (1 + effective**2) ** 0.25
         contact = (push / distance)[:, None] * (muscle - x)
         np.testing.assert_allclose(spokes(rods, "F", "_R")[m], spring - contact, atol=1e-10)
         np.testing.assert_allclose(spokes(rods, "F")[m], contact - spring, atol=1e-10)
@@ -322,8 +322,8 @@ def test_rings_and_helices_follow_their_law(state):
                 between = nodes[i, (q + dq) % 40] - helices[j, h + dh]
                 distance = np.linalg.norm(between)
                 overlap = max(thick[i, (q + dq) % 40] + fibre[j, h + dh] - distance, 0.0)
-                soft = 1.5 * STEP**2 * constants.oblique_contact[i] * (1 / mass_ring[i] + 1 / mass_helix[h])
-                push = constants.oblique_contact[i] * overlap**1.5 / np.sqrt(1 + soft**2 * overlap) * between / distance
+                soft = 0.75 * STEP**2 * constants.oblique_contact[i] * (1 / mass_ring[i] + 1 / mass_helix[h])
+                push = constants.oblique_contact[i] * overlap**1.5 / (1 + soft**4 * overlap**2) ** 0.25 * between / distance
                 want_helix[j, h + dh] -= push
                 want_ring[i, (q + dq) % 40] += push
     assert pairs == 7168

@@ -97,7 +97,7 @@ def test_muscles_touch_the_ring_nodes_beside_their_spoke(state):
                 if overlap <= 0:
                     continue
                 touched += 1
-                push = stiff[i] * overlap**1.5 / np.sqrt(1 + (1.5 * plant.h**2 * stiff[i] * masses[i]) ** 2 * overlap)
+                push = stiff[i] * overlap**1.5 / (1 + (1.5 * plant.h**2 * stiff[i] * masses[i]) ** 4 * overlap**2) ** 0.25
                 on_ring[i, q] += push * between / distance
                 on_muscle[m - 1, i] -= push * between / distance
                 total[m - 1, i] -= push

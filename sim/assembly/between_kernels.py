@@ -72,7 +72,7 @@ def between_kernels(grid):
                 lever = reach / np.sqrt(square)
                 distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
                 overlap = max(reach - distance, 0.0)
-                unit = b[CONTACT + k] * overlap * np.sqrt(overlap / (1.0 + b[EFFECTIVE + k] * overlap)) / distance
+                unit = b[CONTACT + k] * overlap * np.sqrt(overlap / np.sqrt(1.0 + (b[EFFECTIVE + k] * overlap) ** 2)) / distance
                 spring = b[SPRING + k]
                 f1 = spring * (d1 + lever * o1) - unit * d1
                 f2 = spring * (d2 + lever * o2) - unit * d2

@@ -393,7 +393,7 @@ def _fill_connections(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeomet
     half = grid.helices // 2
     buffer.crossing(C.N_CONTACT)[:half, 0] = buffer.crossing(C.P_CONTACT)[half:, 0] = 0.0
     buffer.crossing(C.P_CONTACT)[:half, -1] = buffer.crossing(C.N_CONTACT)[half:, -1] = 0.0
-    buffer.crossing(C.EFFECTIVE)[:] = (1.5 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)) ** 2
+    buffer.crossing(C.EFFECTIVE)[:] = (0.75 * h * h * ring.oblique_contact * (1 / ring_mass + 1 / helix_mass)) ** 2
 
 
 def _fill_radii(buffer: AssemblyBuffer, geometry: AssemblyGeometry) -> None:

@@ -143,7 +143,7 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
         # Contact force over distance, from the overlap at the distance vector d.
         distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
         overlap = max(reach - distance, 0.0)
-        return stiffness * overlap * np.sqrt(overlap / (1.0 + effective * overlap)) / distance
+        return stiffness * overlap * np.sqrt(overlap / np.sqrt(1.0 + (effective * overlap) ** 2)) / distance
 
     @kernel
     def connect(b):

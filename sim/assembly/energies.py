@@ -28,10 +28,10 @@ def _length(v: Numbers) -> Numbers:
 
 
 def contact_energy(stiffness: Numbers, overlap: Numbers, effective: Numbers) -> Numbers:
-    """Energy (J) of contacts k p^1.5 / sqrt(1 + c p) at the `overlap` p, m: Gauss's rule in the root of p."""
+    """Energy (J) of contacts k p^1.5 / (1 + (c p)^2)^1/4 at the `overlap` p, m: Gauss's rule in the root of p."""
     top = np.sqrt(np.where(overlap.real > 0, overlap, 0))
     root = top[..., None] * (POINTS + 1) / 2
-    inside = 2 * root**4 / np.sqrt(1 + np.asarray(effective)[..., None] * root**2)
+    inside = 2 * root**4 / (1 + (np.asarray(effective)[..., None] * root**2) ** 2) ** 0.25
     return stiffness * np.sum(inside * WEIGHTS, axis=-1) * top / 2
 
 

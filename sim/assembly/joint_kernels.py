@@ -64,7 +64,7 @@ def ring_joints(grid: AssemblyGrid):
             along = f1 * o1 + f2 * o2 + f3 * o3
             distance = np.sqrt(c1 * c1 + c2 * c2 + c3 * c3)
             overlap = max(reach - distance, 0.0)
-            push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / (1.0 + b[R_EFFECTIVE + k] * overlap))
+            push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / np.sqrt(1.0 + (b[R_EFFECTIVE + k] * overlap) ** 2))
             unit = push / distance
             # The lock pulls the edge w towards its direction in the ring, and turns the ring's own directions the other way.
             d1, d2, d3 = b[D1 + k], b[D2 + k], b[D3 + k]

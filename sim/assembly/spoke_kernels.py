@@ -3,9 +3,9 @@
 All connections of a cross-section are computed lane by lane (one lane per ring and longitudinal element) from copies of the nodes in
 the spokes' buffer, so that every loop runs over consecutive numbers; results go to rows of their own and are summed afterwards.
 
-Contacts are softened for the step, f = k p^1.5 / sqrt(1 + s^2) with s = 3/2 h^2 k p^0.5 (1/m_1 + 1/m_2), so that no stiffness exceeds a
-sixth of what the step can carry, while the error is of order h^4. Where helices of both hands cross at a muscle, a ring node touches all
-three of them.
+Contacts are softened for the step, f = k p^1.5 / (1 + s^4)^1/4 with s = 3/2 h^2 k p^0.5 (1/m_1 + 1/m_2), so that no stiffness exceeds a
+sixth of what the step can carry, while the error is of order h^8. Contacts of helices have half that s, and up to a third: softer ones
+would let a twist pass a percent late.
 """
 
 from math import pi
@@ -124,7 +124,7 @@ def beside_kernel(grid: AssemblyGrid, published: bool):
                     distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
                     overlap = b[THICK + r] + b[RADIUS + k] - distance
                     if overlap > 0:
-                        push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / (1.0 + b[R_EFFECTIVE + k] * overlap))
+                        push = b[R_CONTACT + k] * overlap * np.sqrt(overlap / np.sqrt(1.0 + (b[R_EFFECTIVE + k] * overlap) ** 2))
                         d1, d2, d3 = d1 * push / distance, d2 * push / distance, d3 * push / distance
                         b[RF1 + r] += d1
                         b[RF2 + r] += d2
