@@ -12,8 +12,9 @@ import time
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.stepping import mover
-from octoctrl.sim.assembly.terms import Step, hydrostat_terms
+from octoctrl.sim.assembly.terms import Step, by_name, hydrostat_terms
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.topology.measures import twist, writhe
 from octoctrl.tables import machine
@@ -49,11 +50,11 @@ def shape(plant):
 def by_part(plant, repeats=60):
     """Microseconds per step of each term, best of `repeats` calls on the present state."""
     rods, core = plant.core.rods, plant.core
-    terms = hydrostat_terms(core.grid, plant.arm.anatomy.traits)
+    terms, arm = by_name(hydrostat_terms(core.grid, plant.arm.anatomy.traits)), whole(core.grid)
     step = Step(plant.h, core._laws, core._drag, rods.ring_index, rods.helix_index)
     move = mover(core.grid)
-    calls = {name: lambda term=term: term(rods.flat, 0.5, step) for name, term in terms.items()}
-    calls["drift"] = lambda: move(rods.flat, plant.h)
+    calls = {name: lambda term=term: term(rods.flat, 0.5, step, arm) for name, term in terms.items()}
+    calls["drift"] = lambda: move(rods.flat, arm, plant.h)
     state = rods.flat.copy()
     times = {}
     for label, call in calls.items():

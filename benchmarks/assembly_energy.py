@@ -18,8 +18,9 @@ from octoctrl.sim.assembly.core import TONE_RAMP
 from octoctrl.sim.assembly.family_kernels import cord_brake, ring_spin_brake
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow as S
+from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.stepping import mover
-from octoctrl.sim.assembly.terms import CORD_SLIP_RATE, RING_SPIN_RATE, Step, hydrostat_terms
+from octoctrl.sim.assembly.terms import CORD_SLIP_RATE, RING_SPIN_RATE, Step, by_name, hydrostat_terms
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 from octoctrl.sim.body.muscles import MuscleLaw
 from octoctrl.sim.plants import make_plant
@@ -89,9 +90,16 @@ class Ledger:
         self.plant, rods, arm, geometry = plant, plant.core.rods, plant.arm, plant.core.geometry
         step = Step(plant.h, plant.core._laws, plant.core._drag, rods.ring_index, rods.helix_index)
         dry = step._replace(drag=(0.0, 0.0, 0.0, 0.0))
-        terms = hydrostat_terms(plant.core.grid, arm.anatomy.traits)
-        self.term = lambda name, share=0.5, wet=True: terms[name](rods.flat, share, step if wet else dry)
-        self.move, self.steady, self.hold = mover(plant.core.grid), ring_spin_brake(rods.grid), cord_brake(rods.grid)
+        terms, everything = by_name(hydrostat_terms(plant.core.grid, arm.anatomy.traits)), whole(rods.grid)
+        move, steady, hold = mover(plant.core.grid), ring_spin_brake(rods.grid), cord_brake(rods.grid)
+
+        def term(name, share=0.5, wet=True):
+            for stage in terms:
+                if stage.split(", ")[0] == name:
+                    terms[stage](rods.flat, share, step if wet else dry, everything)
+
+        self.term, self.move = term, lambda flat, h: move(flat, everything, h)
+        self.steady, self.hold = (lambda flat, part, brake=brake: brake(flat, everything, part) for brake in (steady, hold))
         muscle, oblique, ring, cord = fibre_laws(arm)
         self.families = (
             Family(rods.straight, geometry.straight, (cord, muscle), straight_mass(arm, geometry, plant.h), False, {"nodes": True}),
@@ -109,7 +117,7 @@ class Ledger:
 
     def step(self, share):
         """Advance by one time step, `share` of the way between the samples' levels."""
-        rods, flat, h = self.plant.core.rods, self.plant.core.rods.flat, self.plant.h
+        flat, h = self.plant.core.rods.flat, self.plant.h
         self.move(flat, 0.5 * h)
         self.term("strains", share)
         self.book_swelling()
@@ -124,7 +132,7 @@ class Ledger:
         self.steady(flat, 1 - np.exp(-RING_SPIN_RATE * h))
         self.add("ring spin brake", self.spin_energy() - before)
         slow = self.motion()[0]
-        self.hold(flat, 1 - np.exp(-CORD_SLIP_RATE * h), np.uint64(2), np.uint64(rods.grid.rings + 2))
+        self.hold(flat, 1 - np.exp(-CORD_SLIP_RATE * h))
         braked = self.motion()[0]
         self.term("axial")
         relaxed = self.motion()[0]

@@ -68,7 +68,7 @@ def _rod(arm: Arm, scene: Scene, **options: Any) -> Core:
 def _assembly(arm: Arm, scene: Scene, **options: Any) -> Core:
     from .assembly.core import AssemblyCore
 
-    _check_options("assembly", options, ("paper_compatible", "precision", "resting_tone", "ring_nodes", "rings"))
+    _check_options("assembly", options, ("paper_compatible", "precision", "resting_tone", "ring_nodes", "rings", "threads"))
     return AssemblyCore(arm, scene, **options)
 
 
@@ -179,7 +179,7 @@ class Plant(running.Plant):
         Whether recordings keep account of the energy, in ``series``: ``energy_...`` of the parts, ``work_muscles`` and ``work_water`` done
         since the begin, J. No bit of the motion differs, but it takes longer; not asked for it costs nothing.
     **options
-        Of the core: ``rings``, ``ring_nodes``, ``resting_tone``, ``precision`` and ``paper_compatible`` of the full arm, see
+        Of the core: ``rings``, ``ring_nodes``, ``resting_tone``, ``precision``, ``threads`` and ``paper_compatible`` of the full arm, see
         `octoctrl.sim.assembly.core.AssemblyCore`.
 
     Raises

@@ -3,13 +3,15 @@
 import numpy as np
 
 from octoctrl.sim.assembly.crossing_kernels import crossing_kernels
-from octoctrl.sim.assembly.family_kernels import cord_brake, open_solver, ring_solver
+from octoctrl.sim.assembly.family_kernels import cord_brake, family_offsets, ring_solver
 from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.published_joint_kernels import RESULTS, even_repulsion, published_ring_joints, squeeze_kernels
 from octoctrl.sim.assembly.side_kernels import side_kernels
-from octoctrl.sim.assembly.spoke_kernels import beside_kernel, collect_kernel, gather_kernel, share_kernel
+from octoctrl.sim.assembly.spoke_kernels import beside_kernel, collect_kernel, gather_kernel, share_kernels
 from octoctrl.sim.assembly.stepping import mover
-from octoctrl.sim.assembly.terms import Step, hydrostat_terms, published_terms
+from octoctrl.sim.assembly.system_kernels import two_ended
+from octoctrl.sim.assembly.terms import Step, by_name, hydrostat_terms, published_terms
 
 
 def step_of(plant, drag=None):
@@ -19,72 +21,101 @@ def step_of(plant, drag=None):
     return Step(h, laws, drag, rods.ring_index, rods.helix_index)
 
 
+def laws_of(phases):
+    """Terms of a step by the name of their law, those of its stages in turn, as functions of ``(buffer, share, step, part)``."""
+    stages = {}
+    for name, term in by_name(phases).items():
+        stages.setdefault(name.split(", ")[0], []).append(term)
+
+    def law(terms):
+        def apply(*arguments):
+            for term in terms:
+                term(*arguments)
+
+        return apply
+
+    return {name: law(terms) for name, terms in stages.items()}
+
+
 def terms_of(plant, drag=None):
-    """Terms of a plant's step by name, as functions of nothing or of the share of the sample."""
-    traits = plant.arm.anatomy.traits
+    """Laws of a plant's step by name, as functions of nothing or of the share of the sample."""
+    traits, grid = plant.arm.anatomy.traits, plant.core.grid
     if plant.core.paper_compatible:
-        terms = published_terms(plant.core.grid, traits, plant.core.geometry.inclination)
+        phases = published_terms(grid, traits, plant.core.geometry.inclination)
     else:
-        terms = hydrostat_terms(plant.core.grid, traits)
-    step = step_of(plant, drag)
-    return {name: lambda share=0.5, term=term: term(plant.core.rods.flat, share, step) for name, term in terms.items()}
+        phases = hydrostat_terms(grid, traits)
+    step, arm = step_of(plant, drag), whole(grid)
+    return {name: lambda share=0.5, law=law: law(plant.core.rods.flat, share, step, arm) for name, law in laws_of(phases).items()}
 
 
 def parts_of(plant):
     """Movement, strains, axial step and systems, and the published connections one by one."""
-    grid, terms, step = plant.core.grid, hydrostat_terms(plant.core.grid, plant.arm.anatomy.traits), step_of(plant)
+    grid, step, arm = plant.core.grid, step_of(plant), whole(plant.core.grid)
+    laws = laws_of(hydrostat_terms(grid, plant.arm.anatomy.traits))
     (cord, neighbours), (ring_muscle, ring_ring) = side_kernels(grid, True), published_ring_joints(grid, plant.core.geometry.inclination)
-    collect, (squeeze, hand_on), share_out = collect_kernel(grid, RESULTS), squeeze_kernels(grid), share_kernel(grid)
-    gather, beside = gather_kernel(grid, True), beside_kernel(grid, True)
+    collect, (squeeze, hand_on), (halve, add_up) = collect_kernel(grid, RESULTS), squeeze_kernels(grid), share_kernels(grid)
+    gather, beside, move = gather_kernel(grid, True), beside_kernel(grid, True), mover(grid)
+    eliminate, substitute = two_ended(family_offsets(grid, False), "CORRECTION")
+
+    def of_all(kernel):
+        return lambda b: kernel(b, arm)
 
     def scatter(b, normal, tangential):
-        collect(b)
+        collect(b, arm)
         squeeze(b)
-        share_out(b, normal, tangential)
+        halve(b, arm, normal, tangential)
+        add_up(b, arm)
         hand_on(b)
 
     def crossings(b, ring_index, helix_index):
-        fetch, connect, give = crossing_kernels(grid, True)
+        fetch, connect, give_rings, give_helices = crossing_kernels(grid, True)
         for row in (R.F1, R.F2, R.F3):
             plant.core.rods.rings[row] = 0.0
             plant.core.rods.oblique(row, nodes=True)[:] = 0.0
-        fetch(b, ring_index, helix_index)
-        connect(b)
-        give(b, ring_index, helix_index)
+        fetch(b, arm, ring_index, helix_index)
+        connect(b, arm)
+        give_rings(b, arm, ring_index)
+        give_helices(b, arm, helix_index)
 
     def spokes(b, drag):
-        for part in (gather, cord, neighbours, ring_muscle, ring_ring, beside):
+        for part in (pieces[name] for name in ("gather", "cord", "neighbours", "ring_muscle", "ring_ring", "beside")):
             part(b)
         scatter(b, *drag)
 
-    def measure(b, share, h, laws):
-        terms["strains"](b, share, step._replace(h=h, laws=laws))
+    def measure(b, share, h, given):
+        laws["strains"](b, share, step._replace(h=h, laws=given), arm)
         for rows in (plant.core.rods.open_rods, plant.core.rods.rings):  # which only the published strains measure
             rows[R.RADIUS] = rows[R.REST_RADIUS] / np.sqrt(np.maximum(rows[R.STRETCH], 1e-9))
 
     def push(b):
         for name in ("ring spin", "kick"):
-            terms[name](b, 0.5, step)
+            laws[name](b, 0.5, step, arm)
 
-    return {
-        "move": mover(grid),
+    def solve(b, n, rods, slot, wide):
+        system = (np.uint64(1), n + np.uint64(1), wide * np.uint64(grid.middle), slot * np.uint64(grid.lanes), wide * np.uint64(grid.lanes))
+        eliminate(b, *system, rods)
+        substitute(b, *system, rods)
+
+    pieces = {
+        "move": lambda b, h: move(b, arm, h),
         "measure": measure,
         "push": push,
-        "relax": lambda b: terms["axial"](b, 0.5, step),
-        "solve": open_solver(grid),
-        "ring_solve": ring_solver(grid)[0],
-        "cord_brake": cord_brake(grid),
-        "gather": gather,
-        "cord": cord,
-        "neighbours": neighbours,
+        "relax": lambda b: laws["axial"](b, 0.5, step, arm),
+        "solve": solve,
+        "ring_solve": of_all(ring_solver(grid)[0]),
+        "cord_brake": lambda b, share: cord_brake(grid)(b, arm, share),
+        "gather": of_all(gather),
+        "cord": of_all(cord),
+        "neighbours": of_all(neighbours),
         "ring_muscle": ring_muscle,
         "ring_ring": ring_ring,
         "repel": even_repulsion(grid),
-        "beside": beside,
+        "beside": of_all(beside),
         "scatter": scatter,
         "crossings": crossings,
         "spokes": spokes,
     }
+    return pieces
 
 
 def vectors(view, row, **nodes):

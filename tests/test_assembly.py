@@ -417,7 +417,7 @@ def test_cord_brake_moves_momentum_from_the_cord_to_its_muscles(state):
     speed[:] = generator.normal(size=speed.shape)
     speed[:, 0] = 0.0
     before, mass = speed.copy(), straight_mass(ARM, GEOMETRY, STEP)
-    parts["cord_brake"](rods.flat, 0.25, np.uint64(2), np.uint64(182))
+    parts["cord_brake"](rods.flat, 0.25)
     np.testing.assert_allclose((mass * speed).sum(axis=0), (mass * before).sum(axis=0), atol=1e-15 * mass.max())
     np.testing.assert_allclose((speed[0] - speed[1:].mean(axis=0))[1:], 0.75 * (before[0] - before[1:].mean(axis=0))[1:], rtol=1e-12)
 

@@ -8,6 +8,7 @@ from octoctrl.sim.assembly.constants import ring_connections
 from octoctrl.sim.assembly.family_kernels import ring_spin_brake
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow as S
+from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.plants import make_plant
 
@@ -214,7 +215,7 @@ def test_spin_brake_keeps_the_mean_spin_of_every_ring(state):
         return np.einsum("rnij,rni->rnj", frames_of(rods.ring), of_family(rods.ring, R.W1))
 
     before, share = spin(), 0.1
-    ring_spin_brake(rods.grid)(rods.flat, share)
+    ring_spin_brake(rods.grid)(rods.flat, whole(rods.grid), share)
     mean = before.mean(axis=1, keepdims=True)
     np.testing.assert_allclose(spin(), mean + (1 - share) * (before - mean), atol=1e-10)
 

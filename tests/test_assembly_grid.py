@@ -4,10 +4,12 @@ import copy
 
 import numpy as np
 import pytest
+from assembly_parts import laws_of
 
 from octoctrl.sim.assembly.buffer import fill_parameters, new_assembly, set_rest
 from octoctrl.sim.assembly.geometry import assembly_geometry, octopus_grid
 from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.terms import Step, hydrostat_terms
 from octoctrl.sim.body.anatomy import PLAIN
 from octoctrl.sim.body.arm import Arm
@@ -57,12 +59,12 @@ def test_connections_of_twelve_muscles_rest_and_conserve_momentum():
     rods = new_assembly(geometry)
     set_rest(rods, geometry)
     fill_parameters(rods, TENTACLE, geometry, 1e-5, None)
-    terms, step = hydrostat_terms(TWELVE, PLAIN), Step(1e-5, (), (0.0, 0.0), rods.ring_index, rods.helix_index)
+    laws, step = laws_of(hydrostat_terms(TWELVE, PLAIN)), Step(1e-5, (), (0.0, 0.0), rods.ring_index, rods.helix_index)
 
     def connect():
         rods.open_rods[R.N1 : R.N3 + 1] = 0.0
         for name in ("crossings", "sides", "ring connections", "contacts", "sums", "pressure"):
-            terms[name](rods.flat, 0.5, step)
+            laws[name](rods.flat, 0.5, step, whole(TWELVE))
 
     # The current radius, as the strain kernel would leave it at rest.
     for family in (rods.open_rods, rods.rings):

@@ -11,6 +11,7 @@ from octoctrl.sim.assembly.constants import slab_volumes
 from octoctrl.sim.assembly.energies import Connections, connections_of
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SlabRow, SpokeRow
+from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.stepping import mover
 from octoctrl.sim.plants import make_plant
 
@@ -33,7 +34,7 @@ def bent(request):
     for i in range(3):
         rods.straight(R.W1 + i)[:] = 2e3 * generator.standard_normal(rods.straight(R.W1).shape)
     terms = terms_of(plant, drag=(0.0, 0.0, 0.0, 0.0))
-    mover(plant.core.grid)(rods.flat, 1e-4)
+    mover(plant.core.grid)(rods.flat, whole(plant.core.grid), 1e-4)
     terms["strains"]()
     return plant, terms, rods.flat.copy()
 

@@ -11,8 +11,9 @@ from assembly_parts import step_of
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.layout import SINGLE_STATE_ROWS, STATE_ROWS
 from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.stepping import mover
-from octoctrl.sim.assembly.terms import hydrostat_terms
+from octoctrl.sim.assembly.terms import by_name, hydrostat_terms
 from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
 from octoctrl.sim.compiler import kernel
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
@@ -61,10 +62,10 @@ def test_constants_take_the_precision_of_the_arguments():
 def test_no_term_computes_in_double_precision(kind, monkeypatch, tmp_path):
     monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path))  # code from a cache does not show how it was made
     plant = make_plant(kind, precision="mixed")
-    buffer, share, step = numba.typeof(plant.core.rods.flat), numba.float32, numba.typeof(step_of(plant))
-    terms = hydrostat_terms(plant.core.grid, plant.arm.anatomy.traits)
-    found = {name: doubles(term, buffer, share, step) for name, term in terms.items()}
-    found["move"] = doubles(mover(plant.core.grid), buffer, share)
+    buffer, share, step, part = map(numba.typeof, (plant.core.rods.flat, np.float32(0.5), step_of(plant), whole(plant.core.grid)))
+    terms = by_name(hydrostat_terms(plant.core.grid, plant.arm.anatomy.traits))
+    found = {name: doubles(term, buffer, share, step, part) for name, term in terms.items()}
+    found["move"] = doubles(mover(plant.core.grid), buffer, part, share)
     assert {name: lines[:3] for name, lines in found.items() if lines} == {}
 
 
@@ -78,9 +79,9 @@ def test_positions_keep_steps_that_are_smaller_than_their_last_digit():
     for row in (R.V1, R.V2, R.V3):
         rods.ring(row)[:] = 1e-6 * generator.standard_normal(rods.ring(row).shape)
     speeds = [np.stack([view(row, **n) for row in (R.V1, R.V2, R.V3)], axis=-1).astype(float) for view, n in views(rods)]
-    move = mover(plant.core.grid)
+    move, part = mover(plant.core.grid), whole(plant.core.grid)
     for _ in range(200):  # each of some 5e-11 m, where the next number is 1.5e-8 m away; low parts are rounded by 4e-16 m
-        move(rods.flat, h)
+        move(rods.flat, part, h)
     for was, now, speed in zip(before, plant.core.nodes(), speeds, strict=True):
         np.testing.assert_allclose(now - was, 200 * float(h) * speed, rtol=1e-6, atol=1e-13)
 

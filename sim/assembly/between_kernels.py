@@ -24,15 +24,15 @@ RING_PLACES = "ABDE"
 
 
 def between_kernels(grid):
-    """Compile gathering, forces and scattering of the crossings of coarse rings.
+    """Compile gathering, forces and handing on of the crossings of coarse rings.
 
     Returns
     -------
-    gather, connect, scatter : compiled functions
+    gather, connect, give_rings, give_helices : compiled functions
         As those of `octoctrl.sim.assembly.crossing_kernels.crossing_kernels`, with the places `RING_PLACES` and the helix node.
     """
     o, g, c = family_offsets(grid, False), family_offsets(grid, True), crossing_offsets(grid)
-    L, last, helices = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices
+    L, helices = np.uint64(grid.lanes), grid.helices
     row = np.uint64(stride_of(helices, grid.lanes))
     X1, X2, X3, HX1, HX2, HX3 = (table[f"X{i}"] for table in (g, o) for i in (1, 2, 3))
     RF1, RF2, RF3, HF1, HF2, HF3 = (table[f"F{i}"] for table in (g, o) for i in (1, 2, 3))
@@ -44,19 +44,19 @@ def between_kernels(grid):
     bring, _, give, _ = transfer_kernels(grid)
 
     @kernel
-    def gather(b, ring_index, helix_index):
+    def gather(b, part, ring_index, helix_index):
         for j in range(helices):
-            for i in range(ONE, last):
+            for i in range(part.first, part.last):
                 k = np.uint64(j) * L + i
                 for place in range(4):
                     bring(b, k, ring_index[place, k], X1, X2, X3, places[place])
                 bring(b, k, helix_index[0, k], HX1, HX2, HX3, H)
 
     @kernel
-    def connect(b):
+    def connect(b, part):
         for j in range(helices):
             start = np.uint64(j) * L
-            for k in range(start + ONE, start + last):
+            for k in range(start + part.low, start + part.high):
                 share, arc = b[SHARE + k], b[ARC + k]
                 rest = 1.0 - share
                 near1, far1 = rest * b[A + k] + share * b[B + k], rest * b[D + k] + share * b[E + k]
@@ -90,9 +90,12 @@ def between_kernels(grid):
                 b[FE + k], b[FE + row + k], b[FE + row + row + k] = -share * n1, -share * n2, -share * n3
 
     @kernel
-    def scatter(b, ring_index, helix_index):
+    def give_rings(b, part, ring_index):
         for place in range(4):
-            give(b, ring_index[place], results[place], RF1, RF2, RF3)
-        give(b, helix_index[0], FH, HF1, HF2, HF3)
+            give(b, 0, helices, part.first, part.last, ring_index[place], results[place], RF1, RF2, RF3)
 
-    return gather, connect, scatter
+    @kernel
+    def give_helices(b, part, helix_index):
+        give(b, 0, helices, part.met, part.unmet, helix_index[0], FH, HF1, HF2, HF3)
+
+    return gather, connect, give_rings, give_helices

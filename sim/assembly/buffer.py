@@ -413,6 +413,7 @@ def _fill_slabs(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeometry, h:
     area = geometry.straight.area[1:]
     buffer.straight(R.SECTION)[1:] = area / area.sum(axis=0)
     rest = slab_volumes(geometry)
+    buffer.slabs[T.REST] = 1.0  # of ghosts, whose pressure is none
     buffer.slab(T.REST)[:], buffer.slab(T.BULK)[:] = rest, anatomy.bulk_modulus
     buffer.slab(T.COMPLIANCE)[:] = rest / (h * anatomy.bulk_modulus)
     root = 1 + 0.5 / ring_smoothing(arm, geometry, h)

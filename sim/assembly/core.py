@@ -5,6 +5,7 @@ with a potential, implicit pressure in slabs that keep their volume, exact dampi
 step can carry, softened contacts, no filter.
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -19,7 +20,7 @@ from ..body.arm import Arm
 from ..body.grid import AssemblyGrid
 from ..compiler import BUILDING
 from ..contracts import Floats, Motion, State
-from ..errors import OctoctrlError, check_choice, check_number
+from ..errors import OctoctrlError, OctoctrlWarning, check_choice, check_count, check_number
 from ..findings import Finding, Stop
 from ..physics.fibre_kernels import MIDDLE, law_constants
 from ..running.clock import Clock, StepLimit
@@ -31,6 +32,8 @@ from .diagnosis import cause
 from .energies import connections_of
 from .geometry import assembly_geometry, assembly_grid
 from .layout import AssemblyRow, SlabRow, SpokeRow
+from .meeting_kernels import cores, together
+from .parts import halves, whole
 from .surroundings import surroundings_of
 
 DEFAULT_SHARE, LARGEST_SHARE = 0.82, 0.93
@@ -40,6 +43,7 @@ At 71 all muscles together at level 1 run without a second try; at 80 every grou
 """
 PUBLISHED_STEP = 1e-5
 PRECISIONS = ("double", "mixed")
+MOST_THREADS, THREADS_ADVICE = 2, "one half of the arm for each"
 TONE_RAMP = 0.01
 """Time (s) in which the resting tone comes up."""
 STRAIGHT_SHOWN, OBLIQUE_SHOWN, RINGS_SHOWN = 46, 120, 30
@@ -59,8 +63,8 @@ def compiled(
     from .stepping import assembly_stepper
     from .terms import hydrostat_terms, published_terms
 
-    terms = published_terms(grid, traits, inclination, loaded) if published else hydrostat_terms(grid, traits, loaded, touching)
-    return assembly_stepper(grid, terms, loaded, touching)
+    phases = published_terms(grid, traits, inclination, loaded) if published else hydrostat_terms(grid, traits, loaded, touching)
+    return assembly_stepper(grid, phases, loaded, touching)
 
 
 def _at_spokes(levels: Floats, spokes: int) -> Floats:
@@ -98,6 +102,9 @@ class AssemblyCore:
     precision : {"double", "mixed"}
         ``"mixed"`` computes in single precision and keeps positions to twice its digits, in about half the time; its errors are in
         docs/benchmarks.md.
+    threads : {1, 2}
+        ``2`` moves the two halves of the arm side by side, in little more than half the time where two cores are free, with the same bits;
+        where the other core is busy it takes longer. See docs/assembly.md.
 
     Attributes
     ----------
@@ -126,6 +133,7 @@ class AssemblyCore:
         resting_tone: float | None = None,
         paper_compatible: bool = False,
         precision: Literal["double", "mixed"] = "double",
+        threads: int = 1,
     ) -> None:
         self.arm, self.scene, self.paper_compatible = arm, scene, paper_compatible
         anatomy = arm.anatomy
@@ -136,7 +144,12 @@ class AssemblyCore:
         check_choice("precision", precision, PRECISIONS)
         if paper_compatible and precision != "double":
             raise OctoctrlError(f"paper_compatible is in double precision, to the bit; leave precision='{precision}' out")
-        self.precision = precision
+        self.precision, self.threads = precision, check_count("threads", threads, at_most=MOST_THREADS, advice=THREADS_ADVICE)
+        if threads > 1 and paper_compatible:
+            raise OctoctrlError(f"paper_compatible runs in one thread; leave threads={threads} out")
+        if threads > cores():
+            told = f"threads={threads}, but this process has one core, on which they take turns and are slower than one; leave threads out"
+            warnings.warn(told, OctoctrlWarning, stacklevel=2)
         self.grid = assembly_grid(arm, rings, ring_nodes)
         if paper_compatible and self.grid != assembly_grid(arm):
             raise OctoctrlError("paper_compatible is the published arm with its own numbers of rings and ring nodes; leave both out")
@@ -292,11 +305,12 @@ class AssemblyCore:
             )
         if self.paper_compatible:
             set_filter_masks(rods)
-        done, finding, family, where = step(
+        parts = (whole(self.grid),) if self.threads == 1 else halves(self.grid)
+        done, finding, family, where = together(step, parts, (
             rods.flat, self._rounded(self._h), clock.steps, longitudinal, oblique, transverse, self._rounded(self._laws),
             self._rounded(self._drag),
             rods.ring_index, rods.helix_index, points, frames, stretch, volumes, *self._carried(loads), world, watch,
-        )  # fmt: skip
+        ))  # fmt: skip
         rod, element = self.place(family, int(where)) if finding else ("", 0)
         series = self._volumes(volumes[:done])
         if around is not None:

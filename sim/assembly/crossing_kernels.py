@@ -35,13 +35,13 @@ def transfer_kernels(grid):
 
     Returns
     -------
-    bring, fetch_radius, give, give_some : compiled functions
+    bring, give, give_some : compiled functions
         ``bring(buffer, k, source, x1, x2, x3, target)`` copies a vector to place k of three rows from `target` on, ``fetch_radius(buffer,
-        index, radius, target)`` one number for all, ``give(buffer, index, source, f1, f2, f3)`` adds three rows to forces, and
-        ``give_some(buffer, push, ...)`` does so where the row `push` is not zero.
+        index, radius, target)`` one number for all, ``give(buffer, helix, end, first, last, index, source, f1, f2, f3)`` adds three rows to
+        forces, of the crossings of some helices with some rings, and ``give_some(buffer, push, ...)`` does so where the row `push` is not
+        zero.
     """
-    L, last, helices = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices
-    row = np.uint64(stride_of(helices, grid.lanes))
+    L, last, helices, row = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices, np.uint64(stride_of(grid.helices, grid.lanes))
 
     @kernel
     def bring(b, k, source, x1, x2, x3, target):
@@ -57,9 +57,9 @@ def transfer_kernels(grid):
                 b[target + k] = b[radius + index[k]]
 
     @kernel
-    def give(b, index, source, f1, f2, f3):
-        for j in range(helices):
-            for i in range(ONE, last):
+    def give(b, helix, end, first, last, index, source, f1, f2, f3):
+        for j in range(helix, end):
+            for i in range(first, last):
                 k = np.uint64(j) * L + i
                 target = index[k]
                 b[f1 + target] += b[source + k]
@@ -67,9 +67,9 @@ def transfer_kernels(grid):
                 b[f3 + target] += b[source + row + row + k]
 
     @kernel
-    def give_some(b, push, index, source, f1, f2, f3):
-        for j in range(helices):
-            for i in range(ONE, last):
+    def give_some(b, push, helix, end, first, last, index, source, f1, f2, f3):
+        for j in range(helix, end):
+            for i in range(first, last):
                 k = np.uint64(j) * L + i
                 if b[push + k] != 0.0:
                     target = index[k]
@@ -81,16 +81,17 @@ def transfer_kernels(grid):
 
 
 def crossing_kernels(grid: AssemblyGrid, published: bool = False):
-    """Compile gathering, forces and scattering of the crossings, by the `published` law or with a potential.
+    """Compile gathering, forces and handing on of the crossings, by the `published` law or with a potential.
 
     Returns
     -------
-    gather, connect, scatter : compiled functions
-        ``gather(buffer, ring_index, helix_index)`` with (6, helices * lanes) and (3, helices * lanes) uint64 indices within a row of the
-        places `RING_PLACES` and `HELIX_PLACES`; ``connect(buffer)``; ``scatter(buffer, ring_index, helix_index)``.
+    gather, connect, give_rings, give_helices : compiled functions
+        ``gather(buffer, part, ring_index, helix_index)`` with (6, helices * lanes) and (3, helices * lanes) uint64 indices within a row of
+        the places `RING_PLACES` and `HELIX_PLACES`; ``connect(buffer, part)``; ``give_rings(buffer, part, ring_index)`` and, when all parts
+        have been connected, ``give_helices(buffer, part, helix_index)`` hand on the forces.
     """
     o, g, c = family_offsets(grid, False), family_offsets(grid, True), crossing_offsets(grid)
-    L, last, helices = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices
+    L, helices = np.uint64(grid.lanes), grid.helices
     X1, X2, X3, RADIUS = (g[k] for k in ("X1", "X2", "X3", "RADIUS"))
     HX1, HX2, HX3, HRADIUS = (o[k] for k in ("X1", "X2", "X3", "RADIUS"))
     ring_rows = tuple(c[f"{place}1"] for place in RING_PLACES)
@@ -100,9 +101,9 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
     bring, fetch_radius, give, give_some = transfer_kernels(grid)
 
     @kernel
-    def gather(b, ring_index, helix_index):
+    def gather(b, part, ring_index, helix_index):
         for j in range(helices):
-            for i in range(ONE, last):
+            for i in range(part.first, part.last):
                 k = np.uint64(j) * L + i
                 for place in range(6):
                     bring(b, k, ring_index[place, k], X1, X2, X3, ring_rows[place])
@@ -146,10 +147,10 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
         return stiffness * overlap * np.sqrt(overlap / np.sqrt(1.0 + (effective * overlap) ** 2)) / distance
 
     @kernel
-    def connect(b):
+    def connect(b, part):
         for j in range(helices):
             start = np.uint64(j) * L
-            for k in range(start + ONE, start + last):
+            for k in range(start + part.low, start + part.high):
                 s1, s2, s3 = b[S1 + k], b[S2 + k], b[S3 + k]
                 h1, h2, h3 = b[H1 + k], b[H2 + k], b[H3 + k]
                 o1, o2, o3 = s1 - b[O1 + k], s2 - b[O2 + k], s3 - b[O3 + k]
@@ -197,18 +198,27 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False):
     helix_forces = tuple(force[place][0] for place in "PHN")
     RF1, RF2, RF3, HF1, HF2, HF3 = (table[f"F{i}"] for table in (g, o) for i in (1, 2, 3))
 
-    @kernel
-    def scatter(b, ring_index, helix_index):
-        # The joint acts on S, O and H everywhere, contacts on the others where they overlap.
-        give_some(b, N_PUSH, ring_index[0], ring_forces[0], RF1, RF2, RF3)
-        give_some(b, N_PUSH, ring_index[1], ring_forces[1], RF1, RF2, RF3)
-        give(b, ring_index[2], ring_forces[2], RF1, RF2, RF3)
-        give_some(b, P_PUSH, ring_index[3], ring_forces[3], RF1, RF2, RF3)
-        give_some(b, P_PUSH, ring_index[4], ring_forces[4], RF1, RF2, RF3)
-        if not published:
-            give(b, ring_index[5], FO1, RF1, RF2, RF3)
-        give_some(b, P_PUSH, helix_index[0], helix_forces[0], HF1, HF2, HF3)
-        give(b, helix_index[1], helix_forces[1], HF1, HF2, HF3)
-        give_some(b, N_PUSH, helix_index[2], helix_forces[2], HF1, HF2, HF3)
+    left = helices // 2
 
-    return gather, connect, scatter
+    @kernel
+    def give_rings(b, part, ring_index):
+        # The joint acts on S, O and H everywhere, contacts on the others where they overlap.
+        first, last = part.first, part.last
+        give_some(b, N_PUSH, 0, helices, first, last, ring_index[0], ring_forces[0], RF1, RF2, RF3)
+        give_some(b, N_PUSH, 0, helices, first, last, ring_index[1], ring_forces[1], RF1, RF2, RF3)
+        give(b, 0, helices, first, last, ring_index[2], ring_forces[2], RF1, RF2, RF3)
+        give_some(b, P_PUSH, 0, helices, first, last, ring_index[3], ring_forces[3], RF1, RF2, RF3)
+        give_some(b, P_PUSH, 0, helices, first, last, ring_index[4], ring_forces[4], RF1, RF2, RF3)
+        if not published:
+            give(b, 0, helices, first, last, ring_index[5], FO1, RF1, RF2, RF3)
+
+    @kernel
+    def give_helices(b, part, helix_index):
+        # P is the next helix node on the left-handed helices, and the one before on the others.
+        give_some(b, P_PUSH, 0, left, part.first, part.last, helix_index[0], helix_forces[0], HF1, HF2, HF3)
+        give_some(b, P_PUSH, left, helices, part.met, part.unmet, helix_index[0], helix_forces[0], HF1, HF2, HF3)
+        give(b, 0, helices, part.met, part.unmet, helix_index[1], helix_forces[1], HF1, HF2, HF3)
+        give_some(b, N_PUSH, 0, left, part.met, part.unmet, helix_index[2], helix_forces[2], HF1, HF2, HF3)
+        give_some(b, N_PUSH, left, helices, part.first, part.last, helix_index[2], helix_forces[2], HF1, HF2, HF3)
+
+    return gather, connect, give_rings, give_helices

@@ -251,51 +251,17 @@ def family_kernels(grid, rings, graded=False, plain=False):
     }
 
 
-def open_solver(grid):
-    """Compile the tridiagonal solver of `rods` open rods of n elements side by side, the first in slot `slot`, each `wide` slots wide."""
-    o, lanes = family_offsets(grid, False), grid.lanes
-    SCALE, IMPULSE, CORRECTION = o["SCALE"], o["IMPULSE"], o["CORRECTION"]
-
-    @kernel
-    def solve(b, n, rods, slot, wide):
-        # Rods in the inner loop: their chains of divisions run side by side in the processor.
-        jump, start = wide * np.uint64(lanes), slot * np.uint64(lanes)
-        for r in range(rods):
-            ghost = start + np.uint64(r) * jump
-            b[SCALE + ghost], b[IMPULSE + ghost], b[CORRECTION + ghost] = 0.0, 0.0, 0.0
-            b[IMPULSE + ghost + n + ONE] = 0.0
-            b[CORRECTION + ghost + n] = 0.0
-        for e in range(ONE, n + ONE):
-            k = start + e
-            for _ in range(rods):
-                p = k - ONE
-                coupling = b[CORRECTION + p]
-                scale = 1.0 / (b[SCALE + k] - coupling * coupling * b[SCALE + p])
-                b[SCALE + k] = scale
-                b[IMPULSE + k] = scale * (b[IMPULSE + k] - coupling * b[IMPULSE + p])
-                k += jump
-        e = n - ONE
-        while e >= ONE:
-            k = start + e
-            for _ in range(rods):
-                b[IMPULSE + k] -= b[SCALE + k] * b[CORRECTION + k] * b[IMPULSE + k + ONE]
-                k += jump
-            e -= ONE
-
-    return solve
-
-
 def ring_solver(grid):
-    """Compile the cyclic solver of all rings, and the copies of their seam."""
+    """Compile the cyclic solver of the rings of a part, and the copies of their seam; all take ``(buffer, part)``."""
     o, lanes, nodes = family_offsets(grid, True), grid.lanes, grid.ring_nodes
     SCALE, IMPULSE, CORRECTION, CYCLE = o["SCALE"], o["IMPULSE"], o["CORRECTION"], o["RATE"]
     seam_before = tuple(o[name] for name in ("STRETCH", "T1", "T2", "T3", "N1", "N2", "N3"))
     width, end = np.uint64(lanes), np.uint64(nodes * lanes)
 
     @kernel
-    def solve(b):
+    def solve(b, part):
         # RATE is not needed any more and holds the second right-hand side.
-        for i in range(width):
+        for i in range(part.low, part.high):
             k, last = width + i, end + i
             corner, head = b[CORRECTION + last], b[SCALE + k]
             scale = 1.0 / (2.0 * head)
@@ -303,7 +269,7 @@ def ring_solver(grid):
             b[SCALE + k], b[IMPULSE + k], b[CYCLE + k] = scale, scale * b[IMPULSE + k], -0.5
         for node in range(np.uint64(2), np.uint64(nodes + 1)):
             base = node * width
-            for i in range(width):
+            for i in range(part.low, part.high):
                 k = base + i
                 p = k - width
                 coupling = b[CORRECTION + p]
@@ -311,19 +277,19 @@ def ring_solver(grid):
                 b[SCALE + k] = scale
                 b[IMPULSE + k] = scale * (b[IMPULSE + k] - coupling * b[IMPULSE + p])
                 b[CYCLE + k] = -scale * coupling * b[CYCLE + p]
-        for i in range(width):
+        for i in range(part.low, part.high):
             b[CYCLE + end + i] += b[SCALE + end + i] * b[CORRECTION + end + i]
         node = np.uint64(nodes - 1)
         while node >= ONE:
             base = node * width
-            for i in range(width):
+            for i in range(part.low, part.high):
                 k = base + i
                 q = k + width
                 back = b[SCALE + k] * b[CORRECTION + k]
                 b[IMPULSE + k] -= back * b[IMPULSE + q]
                 b[CYCLE + k] -= back * b[CYCLE + q]
             node -= ONE
-        for i in range(width):
+        for i in range(part.low, part.high):
             k, last = width + i, end + i
             # u = (-d, 0, ..., c), v = (1, 0, ..., -c / d) with d the first diagonal, which the first pivot still holds.
             ratio = -2.0 * b[CORRECTION + last] * b[SCALE + k]
@@ -331,9 +297,9 @@ def ring_solver(grid):
             b[SCALE + i] = top / (1.0 + b[CYCLE + k] + ratio * b[CYCLE + last])
         for node in range(ONE, np.uint64(nodes + 1)):
             base = node * width
-            for i in range(width):
+            for i in range(part.low, part.high):
                 b[IMPULSE + base + i] -= b[SCALE + i] * b[CYCLE + base + i]
-        for i in range(width):
+        for i in range(part.low, part.high):
             b[IMPULSE + i] = b[IMPULSE + end + i]
 
     low = ("LOW1", "LOW2", "LOW3") if grid.single else ()
@@ -344,37 +310,37 @@ def ring_solver(grid):
     seam = np.uint64(nodes * lanes)
 
     @kernel
-    def close_state(b):
+    def close_state(b, part):
         for row in first_rows:
-            for i in range(width):
+            for i in range(part.low, part.high):
                 b[row + seam + width + i] = b[row + width + i]
         for row in turn_rows:
-            for i in range(width):
+            for i in range(part.low, part.high):
                 b[row + i] = b[row + seam + i]
 
     @kernel
-    def close_strain(b):
+    def close_strain(b, part):
         for row in seam_before:
-            for i in range(width):
+            for i in range(part.low, part.high):
                 b[row + i] = b[row + seam + i]
 
     @kernel
-    def close_moment(b):
+    def close_moment(b, part):
         for row in after_rows:
-            for i in range(width):
+            for i in range(part.low, part.high):
                 b[row + seam + width + i] = b[row + width + i]
 
     @kernel
-    def close_speed(b):
+    def close_speed(b, part):
         for row in speed_rows:
-            for i in range(width):
+            for i in range(part.low, part.high):
                 b[row + seam + width + i] = b[row + width + i]
 
     return solve, close_state, close_strain, close_moment, close_speed
 
 
 def ring_spin_brake(grid):
-    """Compile ``brake(buffer, share)``: take away a share of each ring element's spin relative to the mean spin of its ring.
+    """Compile ``brake(buffer, part, share)``: take away a share of each ring element's spin relative to the mean spin of its ring.
 
     The orientation lock of ring and muscle turns ring elements with a couple that does not know their frame, which feeds a flutter of
     single elements. Damping against the ring's own mean, not the laboratory, leaves the twisting of the arm as it is.
@@ -382,23 +348,23 @@ def ring_spin_brake(grid):
     o, lanes, nodes = family_offsets(grid, True), grid.lanes, grid.ring_nodes
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     W1, W2, W3, MEAN1, MEAN2, MEAN3 = (o[k] for k in ("W1", "W2", "W3", "SCALE", "IMPULSE", "CORRECTION"))
-    width, last, part = np.uint64(lanes), np.uint64(nodes + 1), 1 / nodes
+    width, last, each = np.uint64(lanes), np.uint64(nodes + 1), 1 / nodes
 
     @kernel
-    def brake(b, share):
-        for i in range(width):
+    def brake(b, part, share):
+        for i in range(part.low, part.high):
             b[MEAN1 + i], b[MEAN2 + i], b[MEAN3 + i] = 0.0, 0.0, 0.0
         for node in range(ONE, last):
             base = node * width
-            for i in range(width):
+            for i in range(part.low, part.high):
                 k = base + i
-                w1, w2, w3 = part * b[W1 + k], part * b[W2 + k], part * b[W3 + k]
+                w1, w2, w3 = each * b[W1 + k], each * b[W2 + k], each * b[W3 + k]
                 b[MEAN1 + i] += b[Q11 + k] * w1 + b[Q21 + k] * w2 + b[Q31 + k] * w3
                 b[MEAN2 + i] += b[Q12 + k] * w1 + b[Q22 + k] * w2 + b[Q32 + k] * w3
                 b[MEAN3 + i] += b[Q13 + k] * w1 + b[Q23 + k] * w2 + b[Q33 + k] * w3
         for node in range(ONE, last):
             base = node * width
-            for i in range(width):
+            for i in range(part.low, part.high):
                 k = base + i
                 m1, m2, m3 = b[MEAN1 + i], b[MEAN2 + i], b[MEAN3 + i]
                 b[W1 + k] -= share * (b[W1 + k] - b[Q11 + k] * m1 - b[Q12 + k] * m2 - b[Q13 + k] * m3)
@@ -409,7 +375,7 @@ def ring_spin_brake(grid):
 
 
 def cord_brake(grid):
-    """Compile ``brake(buffer, share, first, last)``: take away a share of each cord node's velocity relative to the muscles around it.
+    """Compile ``brake(buffer, part, share)``: take away a share of each cord node's velocity relative to the muscles around it.
 
     Impulses are equal and opposite, so momentum stays. The cord has no water around it and nothing else that dissipates, and the pressure,
     which follows its axis, feeds a flutter of the buckled cord.
@@ -417,18 +383,19 @@ def cord_brake(grid):
     o = family_offsets(grid, False)
     MOBILITY, velocities = o["NODE_MOBILITY"], tuple(o[f"V{i}"] for i in (1, 2, 3))
     width, stop = np.uint64(grid.lanes), np.uint64(grid.straight_rods * grid.lanes)
-    part = 1 / grid.spokes
+    each = 1 / grid.spokes
 
     @kernel
-    def brake(b, share, first, last):
+    def brake(b, part, share):
+        # The first node is held, or slides in its plane as those of the muscles do.
         for row in velocities:
-            for k in range(first, last):
+            for k in range(max(part.node, ONE + ONE), part.behind):
                 mean = 0.0
                 for rod in range(width, stop, width):
                     mean += b[row + rod + k]
-                impulse = share * (b[row + k] - part * mean) / (b[MOBILITY + k] + part * b[MOBILITY + width + k])
+                impulse = share * (b[row + k] - each * mean) / (b[MOBILITY + k] + each * b[MOBILITY + width + k])
                 b[row + k] -= b[MOBILITY + k] * impulse
-                gain = part * b[MOBILITY + width + k] * impulse
+                gain = each * b[MOBILITY + width + k] * impulse
                 for rod in range(width, stop, width):
                     b[row + rod + k] += gain
 

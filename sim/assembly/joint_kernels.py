@@ -18,6 +18,7 @@ import numpy as np
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from .family_kernels import family_offsets
+from .parts import sweep
 from .spoke_kernels import spoke_offsets
 
 ONE = np.uint64(1)
@@ -32,21 +33,21 @@ def ring_joints(grid: AssemblyGrid):
     Returns
     -------
     ring_muscle, ring_ring : compiled functions
-        Of the buffer alone, in this order, after `octoctrl.sim.assembly.side_kernels`; they fill the result rows of the spokes.
+        Of the buffer and a part, in this order, after `octoctrl.sim.assembly.side_kernels`; they fill the result rows of the spokes.
+        Between the two all parts meet.
     """
     s = spoke_offsets(grid)
-    begin, end = np.uint64(grid.first_spoke * grid.lanes), np.uint64((grid.first_spoke + grid.spokes) * grid.lanes)
     quarter, half = np.uint64(grid.spokes // 4 * grid.lanes), np.uint64(grid.spokes // 2 * grid.lanes)
     S1, S2, S3, M1, M2, M3, D1, D2, D3, H1, H2, H3 = (s[f"{f}{i}"] for f in "SMDH" for i in (1, 2, 3))
     R_SPRING, R_TORQUE, R_LEAN, R_CONTACT, R_NEXT, R_EFFECTIVE, RADIUS, RING_RADIUS = (
         s[k] for k in ("R_SPRING", "R_TORQUE", "R_LEAN", "R_CONTACT", "R_NEXT", "R_EFFECTIVE", "RADIUS", "RING_RADIUS")
     )
-    F1, F2, F3, SUM, F1_R, F2_R, F3_R, ACROSS, SLIP = (s[k] for k in "F1 F2 F3 SUM F1_R F2_R F3_R ACROSS SLIP".split())
+    F1, F2, F3, SUM, F1_R, F2_R, F3_R, ACROSS = (s[k] for k in "F1 F2 F3 SUM F1_R F2_R F3_R ACROSS".split())
     EDGE1, EDGE2, EDGE3, FAR1, FAR2, FAR3, SIDE1, SIDE2, SIDE3 = (s[f"{f}{i}"] for f in ("EDGE", "FAR", "SIDE") for i in (1, 2, 3))
 
     @kernel
-    def ring_muscle(b):
-        for k in range(begin, end):
+    def ring_muscle(b, first, last):
+        for k in range(first, last):
             s1, s2, s3 = b[S1 + k], b[S2 + k], b[S3 + k]
             o1, o2, o3 = s1 - b[S1 + k + half], s2 - b[S2 + k + half], s3 - b[S3 + k + half]
             wide = 1.0 / np.sqrt(o1 * o1 + o2 * o2 + o3 * o3)
@@ -85,18 +86,19 @@ def ring_joints(grid: AssemblyGrid):
             b[F3 + k] -= f3
             b[SUM + k] -= (along + push) * radius
 
+    @kernel(inline="always")
+    def slip(b, k, n):
+        # Of ring n against ring k: half of the mean direction's half, what either of the two directions is turned with.
+        d1, d2, d3 = b[S1 + n] - b[S1 + k], b[S2 + n] - b[S2 + k], b[S3 + n] - b[S3 + k]
+        slipped = d1 * (b[H1 + k] + b[H1 + n]) + d2 * (b[H2 + k] + b[H2 + n]) + d3 * (b[H3 + k] + b[H3 + n])
+        return 0.25 * b[R_NEXT + k] * slipped
+
     @kernel
-    def ring_ring(b):
-        for k in range(begin, end - ONE):
-            n = k + ONE
-            d1, d2, d3 = b[S1 + n] - b[S1 + k], b[S2 + n] - b[S2 + k], b[S3 + n] - b[S3 + k]
-            slip = d1 * (b[H1 + k] + b[H1 + n]) + d2 * (b[H2 + k] + b[H2 + n]) + d3 * (b[H3 + k] + b[H3 + n])
-            # Half of the mean direction's half: what either of the two directions is turned with.
-            b[SLIP + k] = 0.25 * b[R_NEXT + k] * slip
-        for k in range(begin + ONE, end - ONE):
+    def ring_ring(b, first, last):
+        for k in range(first, last):
             n, p = k + ONE, k - ONE
             h1, h2, h3, across = b[H1 + k], b[H2 + k], b[H3 + k], b[ACROSS + k]
-            s1, s2, s3, y, z = b[S1 + k], b[S2 + k], b[S3 + k], b[SLIP + k], b[SLIP + p]
+            s1, s2, s3, y, z = b[S1 + k], b[S2 + k], b[S3 + k], slip(b, k, n), slip(b, p, k)
             e1 = y * (b[S1 + n] - s1) + z * (s1 - b[S1 + p])
             e2 = y * (b[S2 + n] - s2) + z * (s2 - b[S2 + p])
             e3 = y * (b[S3 + n] - s3) + z * (s3 - b[S3 + p])
@@ -108,7 +110,7 @@ def ring_joints(grid: AssemblyGrid):
             b[F2_R + k] += y * (h2 + b[H2 + n]) - z * (h2 + b[H2 + p])
             b[F3_R + k] += y * (h3 + b[H3 + n]) - z * (h3 + b[H3 + p])
 
-    return ring_muscle, ring_ring
+    return sweep(grid, "spokes", ring_muscle), sweep(grid, "spokes", ring_ring)
 
 
 def load_kernels(grid: AssemblyGrid):
@@ -117,12 +119,12 @@ def load_kernels(grid: AssemblyGrid):
     Returns
     -------
     load : compiled function
-        ``load(buffer)``: tension (reach / 2 l) S and the locks' vectors, on the axes of cord and muscles.
+        ``load(buffer, part)``: tension (reach / 2 l) S and the locks' vectors, on the axes of cord and muscles.
     hand_on : compiled function
-        ``hand_on(buffer)``: forces on the ring nodes at the spokes.
+        ``hand_on(buffer, part)``: forces on the ring nodes at the spokes.
     """
     o, g, s = family_offsets(grid, False), family_offsets(grid, True), spoke_offsets(grid)
-    L, last, straight = np.uint64(grid.lanes), np.uint64(grid.rings + 1), np.uint64(grid.straight_rods)
+    L = np.uint64(grid.lanes)
     spokes, pitch, slot = grid.spokes, grid.spoke_pitch, grid.first_spoke
     quarter, first = spokes // 4, np.uint64(slot * grid.lanes)
     T1, T2, T3, N1, N2, N3, STRETCH, LENGTH = (o[k] for k in ("T1", "T2", "T3", "N1", "N2", "N3", "STRETCH", "LENGTH"))
@@ -132,24 +134,29 @@ def load_kernels(grid: AssemblyGrid):
     EDGE1, EDGE2, EDGE3, FAR1, FAR2, FAR3, SIDE1, SIDE2, SIDE3 = (s[f"{f}{i}"] for f in ("EDGE", "FAR", "SIDE") for i in (1, 2, 3))
 
     @kernel
-    def load(b):
-        for i in range(L):
-            n = first - L + i
-            b[EDGE1 + n], b[EDGE2 + n], b[EDGE3 + n] = 0.0, 0.0, 0.0
-        for k in range(L * straight):
+    def tense(b, begin, end):
+        for k in range(begin, end):
             n = k + first - L
             pull = 0.5 * b[SUM + n] / (b[STRETCH + k] * b[LENGTH + k])
             b[N1 + k] += pull * b[T1 + k] + b[EDGE1 + n]
             b[N2 + k] += pull * b[T2 + k] + b[EDGE2 + n]
             b[N3 + k] += pull * b[T3 + k] + b[EDGE3 + n]
 
+    pull_on = sweep(grid, "straight", tense)
+
     @kernel
-    def hand_on(b):
+    def load(b, part):
+        for n in range(first - L + part.low, first - L + part.high):
+            b[EDGE1 + n], b[EDGE2 + n], b[EDGE3 + n] = 0.0, 0.0, 0.0
+        pull_on(b, part)
+
+    @kernel
+    def hand_on(b, part):
         for m in range(spokes):
             ring, k0 = np.uint64(pitch * m + 1) * L, np.uint64(m + slot) * L
             opposite = np.uint64((m + spokes // 2) % spokes + slot) * L
             ahead, behind = np.uint64((m + quarter) % spokes + slot) * L, np.uint64((m + spokes - quarter) % spokes + slot) * L
-            for i in range(ONE, last):
+            for i in range(part.low, part.high):
                 r, k, f, a, p = ring + i, k0 + i, opposite + i, ahead + i, behind + i
                 # This node stands a quarter turn ahead of the spoke behind, and behind the one ahead.
                 b[RF1 + r] += b[F1_R + k] + b[FAR1 + f] - b[SIDE1 + p] + b[SIDE1 + a]

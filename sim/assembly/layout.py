@@ -68,9 +68,9 @@ class SpokeRow(Rows):
     F1_R, F2_R, F3_R, T1_R, T2_R, T3_R = (auto() for _ in range(6))
     F1_X, F2_X, F3_X = (auto() for _ in range(3))
     O1, O2, O3, P1, P2, P3 = (auto() for _ in range(6))
-    # Of the joints with a potential: unit vector along the ring and one over the distance it is taken from, slip of the next ring against
-    # this one; load on the muscle's edge, force on the opposite ring node, and on the one a quarter turn ahead (less: behind).
-    H1, H2, H3, ACROSS, SLIP = (auto() for _ in range(5))
+    # Of the joints with a potential: unit vector along the ring and one over the distance it is taken from; load on the muscle's edge,
+    # force on the opposite ring node, and on the one a quarter turn ahead (less: behind).
+    H1, H2, H3, ACROSS = (auto() for _ in range(4))
     EDGE1, EDGE2, EDGE3, FAR1, FAR2, FAR3, SIDE1, SIDE2, SIDE3 = (auto() for _ in range(9))
 
 

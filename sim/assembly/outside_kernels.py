@@ -23,21 +23,21 @@ def outside_kernels(grid: AssemblyGrid) -> tuple[Callable[..., Any], Callable[..
     Returns
     -------
     find : compiled function
-        ``find(buffer, outside, shares, before, after, share)`` fills `outside` (3, straight rods * lanes) with forces on nodes, from the
-        sampled loads (2 or 5, 3, n + 1) before and after, of which the latter counts by `share`; forces that follow the arm turn with the
-        frames of the cord; `shares` (straight rods, n + 1) says what each rod carries.
+        ``find(buffer, part, outside, shares, before, after, share)`` fills `outside` (3, straight rods * lanes) with forces on nodes, from
+        the sampled loads (2 or 5, 3, n + 1) before and after, of which the latter counts by `share`; forces that follow the arm turn with
+        the frames of the cord; `shares` (straight rods, n + 1) says what each rod carries.
     add : compiled function
-        ``add(buffer, outside)``.
+        ``add(buffer, part, outside)``.
     """
     o = family_offsets(grid, False)
     F, Q = tuple(o[f"F{i}"] for i in (1, 2, 3)), tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     rods, lanes, n = grid.straight_rods, np.uint64(grid.lanes), np.uint64(grid.rings)
 
     @kernel
-    def find(b, outside, shares, before, after, share):
+    def find(b, part, outside, shares, before, after, share):
         follows = before.shape[0] > NEAR
         for c in range(3):
-            for k in range(ONE, n + ONE + ONE):
+            for k in range(part.node, part.behind):
                 force = (1 - share) * before[FORCE, c, k - ONE] + share * after[FORCE, c, k - ONE]
                 if follows:
                     for d in range(3):
@@ -51,9 +51,10 @@ def outside_kernels(grid: AssemblyGrid) -> tuple[Callable[..., Any], Callable[..
                     outside[c, np.uint64(rod) * lanes + k] = shares[rod, k - ONE] * force
 
     @kernel
-    def add(b, outside):
+    def add(b, part, outside):
         for c in range(3):
-            for k in range(outside.shape[1]):
-                b[F[c] + np.uint64(k)] += outside[c, k]
+            for rod in range(rods):
+                for k in range(np.uint64(rod) * lanes + part.node, np.uint64(rod) * lanes + part.behind):
+                    b[F[c] + k] += outside[c, k]
 
     return find, add

@@ -36,6 +36,7 @@ from ..compiler import kernel
 from .crossing_kernels import crossing_offsets
 from .family_kernels import NOTHING, family_offsets, position_kernels
 from .layout import CrossingRow, SlabRow, stride_of
+from .system_kernels import two_ended
 
 ONE = np.uint64(1)
 
@@ -62,16 +63,19 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
 
     Returns
     -------
-    measure, press, project : compiled functions
-        Of the buffer: volumes and pressures; forces on ring nodes and loads on the muscles' axes; and, of the buffer and the step, the
-        correction of the velocities.
+    measure, press, resist, deflate, settle : compiled functions
+        Of the buffer and a part: volumes and pressures; forces on ring nodes and loads on the muscles' axes; and three stages of the
+        correction of the velocities, between which all parts meet: the system and half its solution, with the step as a third argument;
+        the other half, and the rings; the muscles.
     """
     o, g, t = family_offsets(grid, False), family_offsets(grid, True), slab_offsets(grid)
-    L, nodes, straight, last = np.uint64(grid.lanes), grid.ring_nodes, np.uint64(grid.straight_rods), np.uint64(grid.rings + 1)
+    L, nodes, straight, middle = np.uint64(grid.lanes), grid.ring_nodes, np.uint64(grid.straight_rods), np.uint64(grid.middle)
     A1, A2, A3, E1, E2, E3, REST, BULK, VOLUME, PRESSURE = (
         t[k] for k in ("A1", "A2", "A3", "E1", "E2", "E3", "REST", "BULK", "VOLUME", "PRESSURE")
     )
-    RATE, SCALE, COUPLING, IMPULSE, COMPLIANCE = (t[k] for k in "RATE SCALE COUPLING IMPULSE COMPLIANCE".split())
+    SCALE, COUPLING, IMPULSE, COMPLIANCE = (t[k] for k in ("SCALE", "COUPLING", "IMPULSE", "COMPLIANCE"))
+    eliminate, substitute = two_ended(t, "COUPLING")
+    alone, zero = 1, np.uint64(0)
     GIVE, DRAW, WEIGHT = (t[k] for k in ("GIVE", "DRAW", "WEIGHT"))
     B1, B2, B3, D1, D2, D3 = (t[f"{f}{i}"] for f in ("RING_RATE", "EDGE_RATE") for i in (1, 2, 3))
     RX1, RX2, RX3, RV1, RV2, RV3, RF1, RF2, RF3 = (g[f"{f}{i}"] for f in "XVF" for i in (1, 2, 3))
@@ -86,14 +90,14 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
         return np.uint64(node - 1 if node > 1 else nodes) * L, np.uint64(node + 1 if node < nodes else 1) * L
 
     @kernel
-    def measure(b):
+    def measure(b, part):
         for row in (A1, A2, A3, E1, E2, E3):
-            for i in range(L):
+            for i in range(part.low, part.high):
                 b[row + i] = 0.0
         # Relative to the first node, where its two products are zero: far from the origin they would be large and cancel.
         for node in range(2, nodes):
             here = np.uint64(node) * L
-            for i in range(L):
+            for i in range(part.low, part.high):
                 k, first = here + i, L + i
                 x1, x2, x3 = ring_apart(b, k + L, first)
                 y1, y2, y3 = ring_apart(b, k, first)
@@ -101,23 +105,23 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
                 b[A2 + i] += 0.5 * (x3 * y1 - x1 * y3)
                 b[A3 + i] += 0.5 * (x1 * y2 - x2 * y1)
         for rod in range(ONE, straight):
-            for i in range(ONE, last):
+            for i in range(part.low, part.high):
                 k = rod * L + i
                 share = b[SECTION + k]
                 d1, d2, d3 = apart(b, k + ONE, k)
                 b[E1 + i] += share * d1
                 b[E2 + i] += share * d2
                 b[E3 + i] += share * d3
-        for i in range(ONE, last):
+        for i in range(part.low, part.high):
             volume = b[A1 + i] * b[E1 + i] + b[A2 + i] * b[E2 + i] + b[A3 + i] * b[E3 + i]
             b[VOLUME + i] = volume
             b[PRESSURE + i] = b[BULK + i] * (1.0 - volume / b[REST + i])
 
     @kernel
-    def press(b):
+    def press(b, part):
         for node in range(1, nodes + 1):
             here, (before, after) = np.uint64(node) * L, beside(node)
-            for i in range(ONE, last):
+            for i in range(part.low, part.high):
                 k, p, q, half = here + i, before + i, after + i, 0.5 * b[PRESSURE + i]
                 d1, d2, d3 = half * (b[RX1 + q] - b[RX1 + p]), half * (b[RX2 + q] - b[RX2 + p]), half * (b[RX3 + q] - b[RX3 + p])
                 e1, e2, e3 = b[E1 + i], b[E2 + i], b[E3 + i]
@@ -125,7 +129,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
                 b[RF2 + k] += e3 * d1 - e1 * d3
                 b[RF3 + k] += e1 * d2 - e2 * d1
         for rod in range(ONE, straight):
-            for i in range(ONE, last):
+            for i in range(part.low, part.high):
                 k = rod * L + i
                 load = b[SECTION + k] * b[PRESSURE + i]
                 b[N1 + k] -= load * b[A1 + i]
@@ -133,28 +137,14 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
                 b[N3 + k] -= load * b[A3 + i]
 
     @kernel
-    def solve(b):
-        b[SCALE], b[COUPLING], b[IMPULSE] = 0.0, 0.0, 0.0
-        b[COUPLING + last - ONE], b[IMPULSE + last] = 0.0, 0.0
-        for i in range(ONE, last):
-            coupling = b[COUPLING + i - ONE]
-            scale = 1.0 / (b[COMPLIANCE + i] + b[SCALE + i] - coupling * coupling * b[SCALE + i - ONE])
-            b[SCALE + i] = scale
-            b[IMPULSE + i] = -scale * (b[RATE + i] + coupling * b[IMPULSE + i - ONE])
-        i = last - ONE
-        while i >= ONE:
-            b[IMPULSE + i] -= b[SCALE + i] * b[COUPLING + i] * b[IMPULSE + i + ONE]
-            i -= ONE
-
-    @kernel
-    def swell(b, h):
+    def swell(b, part, h):
         # (V(x + h v) - V(x)) / h = a.e' + a'.(e + h e'), with e' and a' what a step does to e and a, over h; relative to the first node.
         for row in (B1, B2, B3, D1, D2, D3):
-            for i in range(L):
+            for i in range(part.low, part.high):
                 b[row + i] = 0.0
         for node in range(2, nodes):
             here = np.uint64(node) * L
-            for i in range(ONE, last):
+            for i in range(part.low, part.high):
                 k, q, first = here + i, here + L + i, L + i
                 w1, w2, w3 = b[RV1 + first], b[RV2 + first], b[RV3 + first]
                 u1, u2, u3 = b[RV1 + q] - w1, b[RV2 + q] - w2, b[RV3 + q] - w3
@@ -166,26 +156,27 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
                 b[B2 + i] += 0.5 * (u3 * y1 - u1 * y3 + x3 * v1 - x1 * v3)
                 b[B3 + i] += 0.5 * (u1 * y2 - u2 * y1 + x1 * v2 - x2 * v1)
         for rod in range(ONE, straight):
-            for i in range(ONE, last):
+            for i in range(part.low, part.high):
                 k = rod * L + i
                 share = b[SECTION + k]
                 b[D1 + i] += share * (b[V1 + k + ONE] - b[V1 + k])
                 b[D2 + i] += share * (b[V2 + k + ONE] - b[V2 + k])
                 b[D3 + i] += share * (b[V3 + k + ONE] - b[V3 + k])
-        for i in range(ONE, last):
+        for i in range(part.low, part.high):
             d1, d2, d3 = b[D1 + i], b[D2 + i], b[D3 + i]
             rate = b[A1 + i] * d1 + b[A2 + i] * d2 + b[A3 + i] * d3
-            b[RATE + i] = rate + b[B1 + i] * (b[E1 + i] + h * d1) + b[B2 + i] * (b[E2 + i] + h * d2) + b[B3 + i] * (b[E3 + i] + h * d3)
+            rate += b[B1 + i] * (b[E1 + i] + h * d1) + b[B2 + i] * (b[E2 + i] + h * d2) + b[B3 + i] * (b[E3 + i] + h * d3)
+            b[IMPULSE + i] = -rate
 
     @kernel
-    def project(b, h):
+    def resist(b, part, h):
         for row in (SCALE, COUPLING, GIVE, DRAW):
-            for i in range(L):
+            for i in range(part.low, part.high):
                 b[row + i] = 0.0
-        swell(b, h)
+        swell(b, part, h)
         for node in range(1, nodes + 1):
             here, (before, after) = np.uint64(node) * L, beside(node)
-            for i in range(ONE, last):
+            for i in range(part.low, part.high):
                 k, p, q = here + i, before + i, after + i
                 d1, d2, d3 = 0.5 * (b[RX1 + q] - b[RX1 + p]), 0.5 * (b[RX2 + q] - b[RX2 + p]), 0.5 * (b[RX3 + q] - b[RX3 + p])
                 e1, e2, e3 = b[E1 + i], b[E2 + i], b[E3 + i]
@@ -195,12 +186,12 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
                 b[SCALE + i] += mobility * (g1 * g1 + g2 * g2 + g3 * g3)
                 b[DRAW + i] += mobility * (g1 * c1 + g2 * c2 + g3 * c3)
                 b[GIVE + i] += 1.0 / (b[VISCOSITY + k] + NOTHING) + mobility * (c1 * c1 + c2 * c2 + c3 * c3)
-        for i in range(ONE, last):
+        for i in range(part.low, part.high):
             # The held ring has no mobility at all.
             b[WEIGHT + i] = 1.0 - b[DRAW + i] * b[DRAW + i] / (b[GIVE + i] * b[SCALE + i] + NOTHING)
-            b[SCALE + i] *= b[WEIGHT + i]
+            b[SCALE + i] = b[COMPLIANCE + i] + b[WEIGHT + i] * b[SCALE + i]
         for rod in range(ONE, straight):
-            for i in range(ONE, last):
+            for i in range(part.low, part.high):
                 k = rod * L + i
                 n = k + ONE
                 share, a1, a2, a3 = b[SECTION + k], b[A1 + i], b[A2 + i], b[A3 + i]
@@ -208,10 +199,14 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
                 b[SCALE + i] += share * share * (low + b[MOBILITY + n]) * (a1 * a1 + a2 * a2 + a3 * a3)
                 across = a1 * b[A1 + i + ONE] + a2 * b[A2 + i + ONE] + a3 * b[A3 + i + ONE]
                 b[COUPLING + i] -= share * b[SECTION + n] * b[MOBILITY + n] * across
-        solve(b)
+        eliminate(b, part.first, part.last, middle, zero, zero, alone)
+
+    @kernel
+    def deflate(b, part):
+        substitute(b, part.first, part.last, middle, zero, zero, alone)
         for node in range(1, nodes + 1):
             here, (before, after) = np.uint64(node) * L, beside(node)
-            for i in range(ONE, last):
+            for i in range(part.low, part.high):
                 k, p, q = here + i, before + i, after + i
                 half = 0.5 * b[IMPULSE + i] * b[WEIGHT + i] * b[RING_MOBILITY + k]
                 d1, d2, d3 = half * (b[RX1 + q] - b[RX1 + p]), half * (b[RX2 + q] - b[RX2 + p]), half * (b[RX3 + q] - b[RX3 + p])
@@ -219,8 +214,11 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
                 b[RV1 + k] += e2 * d3 - e3 * d2
                 b[RV2 + k] += e3 * d1 - e1 * d3
                 b[RV3 + k] += e1 * d2 - e2 * d1
+
+    @kernel
+    def settle(b, part):
         for rod in range(ONE, straight):
-            for i in range(ONE, last + ONE):
+            for i in range(part.low, part.high):
                 k, p = rod * L + i, i - ONE
                 mobility = 0.0 if sliding and i == ONE else b[MOBILITY + k]
                 here, before = mobility * b[SECTION + k] * b[IMPULSE + i], mobility * b[SECTION + k - ONE] * b[IMPULSE + p]
@@ -228,4 +226,4 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool):
                 b[V2 + k] += before * b[A2 + p] - here * b[A2 + i]
                 b[V3 + k] += before * b[A3 + p] - here * b[A3 + i]
 
-    return measure, press, project
+    return measure, press, resist, deflate, settle

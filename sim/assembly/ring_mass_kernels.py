@@ -25,39 +25,39 @@ ONE = np.uint64(1)
 
 
 def ring_mass_kernels(grid: AssemblyGrid):
-    """Compile ``smooth(buffer)``; the rows MMINUS of the rings hold what damping has left of the old velocities."""
+    """Compile ``smooth(buffer, part)``; the rows MMINUS of the rings hold what damping has left of the old velocities."""
     g, t = family_offsets(grid, True), slab_offsets(grid)
     L, nodes = np.uint64(grid.lanes), np.uint64(grid.ring_nodes)
     rows, kept = (tuple(g[f"{f}{i}"] for i in (1, 2, 3)) for f in ("V", "MMINUS"))
     ROOT, GAIN, CLOSURE, UP, DOWN, SHARE = (t[k] for k in ("ROOT", "GAIN", "CLOSURE", "UP", "DOWN", "SHARE"))
 
     @kernel
-    def smooth(b):
+    def smooth(b, part):
         for row in range(3):
             v, old = rows[row], kept[row]
-            for i in range(L):
+            for i in range(part.low, part.high):
                 b[UP + i], b[DOWN + i], b[SHARE + i] = 0.0, 0.0, 1.0
             # What the recursion up ends with, if it begins with nothing: closed, it begins with what it ends with.
             for node in range(ONE, nodes + ONE):
-                for i in range(L):
+                for i in range(part.low, part.high):
                     k = node * L + i
                     b[UP + i] = b[v + k] - b[old + k] + b[ROOT + i] * b[UP + i]
-            for i in range(L):
+            for i in range(part.low, part.high):
                 b[UP + i] *= b[CLOSURE + i]
             # Up: y_q = x_q + r y_q-1; and what that down will end with.
             for node in range(ONE, nodes + ONE):
-                for i in range(L):
+                for i in range(part.low, part.high):
                     k = node * L + i
                     y = b[v + k] - b[old + k] + b[ROOT + i] * b[UP + i]
                     b[UP + i], b[v + k] = y, y
                     b[DOWN + i] += b[SHARE + i] * y
                     b[SHARE + i] *= b[ROOT + i]
-            for i in range(L):
+            for i in range(part.low, part.high):
                 b[DOWN + i] *= b[CLOSURE + i]
             # Down: z_q = y_q + r z_q+1.
             node = nodes
             while node >= ONE:
-                for i in range(L):
+                for i in range(part.low, part.high):
                     k = node * L + i
                     z = b[v + k] + b[ROOT + i] * b[DOWN + i]
                     b[DOWN + i], b[v + k] = z, b[old + k] + b[GAIN + i] * z

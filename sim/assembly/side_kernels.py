@@ -16,6 +16,7 @@ import numpy as np
 
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
+from .parts import sweep
 from .spoke_kernels import spoke_offsets
 
 
@@ -25,11 +26,11 @@ def side_kernels(grid: AssemblyGrid, published: bool):
     Returns
     -------
     cord, neighbours : compiled functions
-        Of the buffer alone, in this order: they fill the result rows F, T, SUM (reach times S) of the spokes, and G of the published law.
+        Of the buffer and a part, in this order: they fill the result rows F, T, SUM (reach times S) of the spokes, and G of the published
+        law.
     """
     s = spoke_offsets(grid)
     L = np.uint64(grid.lanes)
-    begin, end = np.uint64(grid.first_spoke * grid.lanes), np.uint64((grid.first_spoke + grid.spokes) * grid.lanes)
     M1, M2, M3, A1, A2, A3, U1, U2, U3 = (s[f"{f}{i}"] for f in "MAU" for i in (1, 2, 3))
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (s[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     RADIUS, UNROOT, CORD_RADIUS, CORD_UNROOT = (s[k] for k in ("RADIUS", "UNROOT", "CORD_RADIUS", "CORD_UNROOT"))
@@ -69,8 +70,8 @@ def side_kernels(grid: AssemblyGrid, published: bool):
         return f1, f2, f3, a1, a2, a3, b1, b2, b3, load1, load2
 
     @kernel
-    def cord(b):
-        for k in range(begin, end):
+    def cord(b, first, last):
+        for k in range(first, last):
             w1, w2, w3 = b[CU21 + k], b[CU22 + k], b[CU23 + k]
             v1 = b[Q11 + k] * w1 + b[Q21 + k] * w2 + b[Q31 + k] * w3
             v2 = b[Q12 + k] * w1 + b[Q22 + k] * w2 + b[Q32 + k] * w3
@@ -92,8 +93,8 @@ def side_kernels(grid: AssemblyGrid, published: bool):
                 b[G1 + k], b[G2 + k], b[G3 + k] = load2 * v1, load2 * v2, load2 * v3
 
     @kernel
-    def neighbours(b):
-        for k in range(begin, end):
+    def neighbours(b, first, last):
+        for k in range(first, last):
             n = k + L
             w1, w2, w3 = b[NU11 + k], b[NU12 + k], b[NU13 + k]
             u1 = b[Q11 + k] * w1 + b[Q21 + k] * w2 + b[Q31 + k] * w3
@@ -124,4 +125,4 @@ def side_kernels(grid: AssemblyGrid, published: bool):
                 b[G3 + k] += load1 * u3
                 b[G1_N + n], b[G2_N + n], b[G3_N + n] = load2 * v1, load2 * v2, load2 * v3
 
-    return cord, neighbours
+    return sweep(grid, "spokes", cord), sweep(grid, "spokes", neighbours)

@@ -16,6 +16,7 @@ from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from .family_kernels import family_offsets, rings_begin
 from .layout import AssemblyRow, SpokeRow, stride_of
+from .parts import sweep
 
 ONE = np.uint64(1)
 
@@ -28,7 +29,7 @@ def spoke_offsets(grid: AssemblyGrid) -> dict[str, np.uint64]:
 
 
 def gather_kernel(grid: AssemblyGrid, published: bool):
-    """Compile the copying of what the spokes need, with radii and the directions of the cord's connections.
+    """Compile ``gather(buffer, part)``: copy what the spokes need, with radii and the directions of the cord's connections.
 
     The published laws take the rings' present radii, all others those at rest, which are parameters.
     """
@@ -48,77 +49,77 @@ def gather_kernel(grid: AssemblyGrid, published: bool):
     Q = tuple(tuple(o[f"Q{j}{i}"] for j in (1, 2, 3)) for i in (1, 2, 3))
 
     @kernel
-    def copy(b, source, target):
-        for i in range(width):
+    def copy(b, part, source, target):
+        for i in range(part.low, part.high):
             b[target + i] = b[source + i]
 
     @kernel
-    def thickness(b, rod, radius, unroot):
+    def thickness(b, part, rod, radius, unroot):
         # An element keeps its volume.
-        for i in range(width):
+        for i in range(part.low, part.high):
             thinner = 1.0 / np.sqrt(b[STRETCH + rod + i])
             b[unroot + i] = thinner
             b[radius + i] = b[PRESENT + rod + i] if published else b[REST_RADIUS + rod + i] * thinner
 
     @kernel
-    def gather(b):
+    def gather(b, part):
         for slot in range(slots):
             node = np.uint64((pitch * (slot - first)) % ring_nodes + 1)
             for row in range(4 if published else 3):
-                copy(b, ring_from[row] + node * width, ring_to[row] + np.uint64(slot) * width)
+                copy(b, part, ring_from[row] + node * width, ring_to[row] + np.uint64(slot) * width)
         for slot in range(first, behind + 1):
             rod, here = np.uint64((slot - first) % spokes + 1) * width, np.uint64(slot) * width
             for row in range(9):
-                copy(b, rod_from[row] + rod, rod_to[row] + here)
+                copy(b, part, rod_from[row] + rod, rod_to[row] + here)
             for row in range(3):
-                for i in range(width):
+                for i in range(part.low, part.high):
                     start, end = b[X[row] + rod + i], b[X[row] + rod + i + ONE]
                     b[D[row] + here + i] = end - start
                     b[M[row] + here + i] = 0.5 * (end + start)
-            thickness(b, rod, RADIUS + here, UNROOT + here)
+            thickness(b, part, rod, RADIUS + here, UNROOT + here)
         for slot in range(first, behind):
             here = np.uint64(slot) * width
             for row in range(3):
-                for i in range(width):
+                for i in range(part.low, part.high):
                     b[A[row] + here + i] = 0.5 * (b[X[row] + i] + b[X[row] + i + ONE])
                 q1, q2, q3 = Q[row]
-                for i in range(width):
+                for i in range(part.low, part.high):
                     b[U[row] + here + i] = b[q1 + i] * b[CU1 + here + i] + b[q2 + i] * b[CU2 + here + i] + b[q3 + i] * b[CU3 + here + i]
-            thickness(b, np.uint64(0), CORD_RADIUS + here, CORD_UNROOT + here)
+            thickness(b, part, np.uint64(0), CORD_RADIUS + here, CORD_UNROOT + here)
 
     return gather
 
 
 def beside_kernel(grid: AssemblyGrid, published: bool):
-    """Compile ``beside(buffer)``: contact of muscles with the ring nodes between the spokes.
+    """Compile ``beside(buffer, part)``: contact of muscles with the ring nodes between the spokes.
 
     The published law takes the ring's present radius and keeps books of the forces; the other one loads the muscle's axis.
     """
     g, s = family_offsets(grid, True), spoke_offsets(grid)
-    L, last = np.uint64(grid.lanes), np.uint64(grid.rings + 1)
+    L = np.uint64(grid.lanes)
     spokes, pitch, ring_nodes, slot = grid.spokes, grid.spoke_pitch, grid.ring_nodes, grid.first_spoke
     X1, X2, X3, RF1, RF2, RF3, THICK = (g[k] for k in ("X1", "X2", "X3", "F1", "F2", "F3", "RADIUS" if published else "REST_RADIUS"))
     M1, M2, M3, RADIUS, R_CONTACT, R_EFFECTIVE = (s[k] for k in ("M1", "M2", "M3", "RADIUS", "R_CONTACT", "R_EFFECTIVE"))
     F1, F2, F3, SUM, G1, G2, G3 = (s[k] for k in ("F1", "F2", "F3", "SUM", "G1", "G2", "G3"))
 
     @kernel
-    def touching(b, muscle, ring):
+    def touching(b, part, muscle, ring):
         count = 0
-        for i in range(ONE, last):
+        for i in range(part.first, part.last):
             d1, d2, d3 = b[X1 + ring + i] - b[M1 + muscle + i], b[X2 + ring + i] - b[M2 + muscle + i], b[X3 + ring + i] - b[M3 + muscle + i]
             reach = b[THICK + ring + i] + b[RADIUS + muscle + i]
             count += d1 * d1 + d2 * d2 + d3 * d3 < reach * reach
         return count
 
     @kernel
-    def beside(b):
+    def beside(b, part):
         for m in range(spokes):
             muscle = np.uint64(m + slot) * L
             for away in range(1 - pitch, pitch):
                 ring = np.uint64((pitch * m + away) % ring_nodes + 1) * L
-                if away == 0 or touching(b, muscle, ring) == 0:
+                if away == 0 or touching(b, part, muscle, ring) == 0:
                     continue
-                for i in range(ONE, last):
+                for i in range(part.first, part.last):
                     k, r = muscle + i, ring + i
                     d1, d2, d3 = b[X1 + r] - b[M1 + k], b[X2 + r] - b[M2 + k], b[X3 + r] - b[M3 + k]
                     distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
@@ -144,7 +145,7 @@ def beside_kernel(grid: AssemblyGrid, published: bool):
 
 
 def collect_kernel(grid: AssemblyGrid, results: tuple[str, ...]):
-    """Compile ``collect(buffer)``, which sums rows of `results` over the partners of a muscle, and of the cord into the slot before.
+    """Compile ``collect(buffer, part)``, which sums rows of `results` over the partners of a muscle, and of the cord into the slot before.
 
     Results on the neighbour of the last muscle belong to the first.
     """
@@ -155,13 +156,14 @@ def collect_kernel(grid: AssemblyGrid, results: tuple[str, ...]):
     rows = len(results)
 
     @kernel
-    def collect(b):
+    def collect(b, part):
         for row in range(rows):
-            for i in range(L):
+            for i in range(part.low, part.high):
                 b[own[row] + first + i] += b[other[row] + seam + i]
-            for k in range(first + L, seam):
-                b[own[row] + k] += b[other[row] + k]
-            for i in range(L):
+            for base in range(first + L, seam, L):
+                for k in range(base + part.low, base + part.high):
+                    b[own[row] + k] += b[other[row] + k]
+            for i in range(part.low, part.high):
                 total = 0.0
                 for m in range(np.uint64(spokes)):
                     total += b[of_cord[row] + first + m * L + i]
@@ -170,23 +172,27 @@ def collect_kernel(grid: AssemblyGrid, results: tuple[str, ...]):
     return collect
 
 
-def share_kernel(grid: AssemblyGrid):
-    """Compile ``share(buffer, normal, tangential)``: forces on elements of cord and muscles, and the water's, half to either node.
+def share_kernels(grid: AssemblyGrid):
+    """Compile what hands forces on elements of cord and muscles, and the water's, half to either node.
 
-    The drags are in kg/m^3; the cord is dry.
+    Returns
+    -------
+    halve, add_up : compiled functions
+        ``halve(buffer, part, normal, tangential)``, with the drags in kg/m^3 (the cord is dry), and, when all parts have halved,
+        ``add_up(buffer, part)``.
     """
     o, s = family_offsets(grid, False), spoke_offsets(grid)
-    L, last, straight = np.uint64(grid.lanes), np.uint64(grid.rings + 1), np.uint64(grid.straight_rods)
-    first = np.uint64(grid.first_spoke * grid.lanes)
+    L, last, end = np.uint64(grid.lanes), np.uint64(grid.rings + 1), np.uint64(grid.straight_rods * grid.lanes)
+    spoke, zero = np.uint64(grid.first_spoke * grid.lanes), np.uint64(0)
     V1, V2, V3, D1, D2, D3 = (o[f"{f}{i}"] for f in "VT" for i in (1, 2, 3))
     LF1, LF2, LF3, LC1, LC2, LC3, STRETCH, LENGTH = (o[k] for k in ("F1", "F2", "F3", "C1", "C2", "C3", "STRETCH", "LENGTH"))
     E1, E2, E3 = o["SCALE"], o["IMPULSE"], o["CORRECTION"]
     F1, F2, F3, T1, T2, T3, RADIUS = (s[k] for k in ("F1", "F2", "F3", "T1", "T2", "T3", "RADIUS"))
 
     @kernel
-    def share(b, normal_drag, tangent_drag):
-        for k in range(L * straight):
-            n = k + first - L
+    def halve(b, first, last, normal_drag, tangent_drag):
+        for k in range(first, last):
+            n = k + spoke - L
             radius, length = b[RADIUS + n], b[STRETCH + k] * b[LENGTH + k]
             t1, t2, t3 = b[D1 + k], b[D2 + k], b[D3 + k]
             wet = 1.0 if k >= L else 0.0
@@ -199,12 +205,16 @@ def share_kernel(grid: AssemblyGrid):
             b[E2 + k] = 0.5 * (b[F2 + n] - across * h2 - slide * t2)
             b[E3 + k] = 0.5 * (b[F3 + n] - across * h3 - slide * t3)
             b[LC1 + k], b[LC2 + k], b[LC3 + k] = b[T1 + n], b[T2 + n], b[T3 + n]
-        for rod in range(straight):
-            base = rod * L
-            b[E1 + base], b[E2 + base], b[E3 + base] = 0.0, 0.0, 0.0
-            n = base + last
-            b[E1 + n], b[E2 + n], b[E3 + n] = 0.0, 0.0, 0.0
-            for k in range(base + ONE, n + ONE):
+
+    @kernel
+    def add_up(b, part):
+        for base in range(zero, end, L):
+            if part.low == zero:
+                b[E1 + base], b[E2 + base], b[E3 + base] = 0.0, 0.0, 0.0
+            if part.behind > last:
+                n = base + last
+                b[E1 + n], b[E2 + n], b[E3 + n] = 0.0, 0.0, 0.0
+            for k in range(base + part.node, base + part.behind):
                 b[LF1 + k], b[LF2 + k], b[LF3 + k] = b[E1 + k] + b[E1 + k - ONE], b[E2 + k] + b[E2 + k - ONE], b[E3 + k] + b[E3 + k - ONE]
 
-    return share
+    return sweep(grid, "straight", halve), add_up

@@ -15,9 +15,11 @@ from ..contact.body_kernels import drift_bodies
 from ..contact.note_kernels import note
 from .contact_kernels import LOOK, contact_kernels
 from .family_kernels import family_kernels, family_offsets, position_kernels
+from .meeting_kernels import LEFT, meet
 from .outside_kernels import outside_kernels
+from .parts import sweep, sweep_open
 from .pressure_kernels import pressure_kernels, slab_offsets
-from .terms import Step, Terms
+from .terms import Phases, Step, Terms
 
 ONE = np.uint64(1)
 FINE, STRETCHED, NOT_A_NUMBER, FAST = 0, 1, 3, 4
@@ -29,55 +31,65 @@ SPEED_LIMIT = 10.0
 
 
 def in_order(terms: list[Any]) -> Any:
-    """One kernel ``(buffer, share, step)`` that goes through `terms`."""
+    """One kernel ``(buffer, share, step, where)`` that goes through `terms`."""
     if len(terms) == 1:
         return terms[0]
     half = len(terms) // 2
     before, after = in_order(terms[:half]), in_order(terms[half:])
 
     @kernel
-    def both(b: Any, share: Any, step: Any) -> None:
-        before(b, share, step)
-        after(b, share, step)
+    def both(b: Any, share: Any, step: Any, where: Any) -> None:
+        before(b, share, step, where)
+        after(b, share, step, where)
 
     return both
 
 
-def mover(grid: AssemblyGrid) -> Any:
-    """Compile ``move(buffer, h)``: all nodes and frames go on with their velocities."""
-    drift, ring_drift = family_kernels(grid, False)["drift"], family_kernels(grid, True)["drift"]
-    first, last = ONE, np.uint64(grid.open_slots * grid.lanes - 1)
-    ring_first, ring_last = np.uint64(grid.lanes), np.uint64((grid.ring_nodes + 1) * grid.lanes)
+def phase_of(terms: Terms) -> Any:
+    """One kernel ``(buffer, share, step, crew)`` that does the terms of a phase on a thread's part, when all have met."""
+    work = in_order(list(terms.values()))
 
     @kernel
-    def move(b: Any, h: Any) -> None:
-        drift(b, first, last, h)
-        ring_drift(b, ring_first, ring_last, h)
+    def phase(b: Any, share: Any, step: Any, crew: Any) -> None:
+        meet(crew)
+        work(b, share, step, crew.part)
+
+    return phase
+
+
+def mover(grid: AssemblyGrid) -> Any:
+    """Compile ``move(buffer, part, h)``: nodes and frames of a part go on with their velocities."""
+    drift = sweep_open(grid, family_kernels(grid, False)["drift"])
+    ring_drift = sweep(grid, "rings", family_kernels(grid, True)["drift"])
+
+    @kernel
+    def move(b: Any, part: Any, h: Any) -> None:
+        drift(b, part, h)
+        ring_drift(b, part, h)
 
     return move
 
 
-def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False, touching: bool = False) -> Any:
+def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, touching: bool = False) -> Any:
     """Compile the loop of an assembly.
 
     Returns
     -------
     advance : compiled function
         ``advance(buffer, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch,
-        volumes, loads, shares, outside, world, watch)`` with levels (samples + 1, straight rods, N), the cord's first, (samples + 1, 2,
-        helix elements) and (samples + 1, N), linear in time between samples; `loads` as in `octoctrl.sim.scene.loads.sampled_loads`, of
+        volumes, loads, shares, outside, world, watch, crew)`` with levels (samples + 1, straight rods, N), the cord's first, (samples + 1,
+        2, helix elements) and (samples + 1, N), linear in time between samples; `loads` as in `octoctrl.sim.scene.loads.sampled_loads`, of
         which each straight rod carries its `shares` (straight rods, N + 1); for the others see `Step`; `watch` asks for the guard at
-        every step. Of loads and bodies nothing is compiled where there are none. Fills the cord's nodes, frames and stretch and the
-        slabs' volumes, (samples, N); returns ``(samples done, finding, family, index in row)``.
+        every step; `crew` is the `octoctrl.sim.assembly.meeting_kernels.Crew` of the thread. Of loads and bodies nothing is compiled where
+        there are none. Fills the cord's nodes, frames and stretch and the slabs' volumes, (samples, N), of its part; returns ``(samples
+        done, finding, family, index in row)``, the same in all threads.
     """
     o, g = family_offsets(grid, False), family_offsets(grid, True)
-    lanes, count, ring_nodes, helices, helix_elements = grid.lanes, grid.rings, grid.ring_nodes, grid.helices, grid.helix_elements
+    lanes, ring_nodes, helices = grid.lanes, grid.ring_nodes, grid.helices
+    nodes = np.uint64(ring_nodes + 1)
     straight, helix_slots = grid.straight_rods, grid.helix_nodes
     left = helices // 2
-    L, n = np.uint64(lanes), np.uint64(count)
-    long = np.uint64(helix_elements)
-    first, last = ONE, np.uint64(grid.open_slots * lanes - 1)
-    ring_first, ring_last = L, np.uint64((ring_nodes + 1) * lanes)
+    L = np.uint64(lanes)
     BEFORE, AFTER, RING_BEFORE, RING_AFTER = (table[k] for table in (o, g) for k in ("LEVEL_BEFORE", "LEVEL_AFTER"))
     X, Q = tuple(o[f"X{i}"] for i in (1, 2, 3)), tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     V, RING_V = tuple(o[f"V{i}"] for i in (1, 2, 3)), tuple(g[f"V{i}"] for i in (1, 2, 3))
@@ -86,61 +98,97 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False, tou
     find, _ = outside_kernels(grid)
     look: Any = contact_kernels(grid)[0] if touching else None
     real, single = np.float32 if grid.single else np.float64, grid.single
-    apart, straighten, straighten_rings = position_kernels(grid, False)[0], *(family_kernels(grid, k)["straighten"] for k in (False, True))
+    apart = position_kernels(grid, False)[0]
+    straighten = sweep_open(grid, family_kernels(grid, False)["straighten"])
+    straighten_rings = sweep(grid, "rings", family_kernels(grid, True)["straighten"])
     LOW = tuple(o[f"LOW{i}"] for i in (1, 2, 3))
-    force, move, (measure, _, _) = in_order(list(terms.values())), mover(grid), pressure_kernels(grid, False)
+    force, move, measure = in_order([phase_of(terms) for terms in phases]), mover(grid), pressure_kernels(grid, False)[0]
 
     @kernel
-    def set_levels(b: Any, row: Any, ring_row: Any, longitudinal: Any, oblique: Any, transverse: Any) -> None:
+    def set_levels(b: Any, part: Any, row: Any, ring_row: Any, longitudinal: Any, oblique: Any, transverse: Any) -> None:
         for m in range(straight):
-            for e in range(count):
-                b[row + np.uint64(m) * L + np.uint64(e + 1)] = longitudinal[m, e]
+            for i in range(part.first, part.last):
+                b[row + np.uint64(m) * L + i] = longitudinal[m, i - ONE]
         for j in range(helices):
-            for e in range(helix_elements):
+            for e in range(part.helix_first, part.helix_last):
                 # The first helices are left-handed: the second family.
-                b[row + np.uint64(straight + helix_slots * j) * L + np.uint64(e + 1)] = oblique[1 if j < left else 0, e]
+                b[row + np.uint64(straight + helix_slots * j) * L + e] = oblique[1 if j < left else 0, e - ONE]
         for node in range(1, ring_nodes + 1):
-            for i in range(count):
-                b[ring_row + np.uint64(node) * L + np.uint64(i + 1)] = transverse[i]
+            for i in range(part.first, part.last):
+                b[ring_row + np.uint64(node) * L + i] = transverse[i - ONE]
 
     @kernel
-    def guard(b: Any) -> Any:
+    def fast(b: Any, first: Any, last: Any, rows: Any) -> Any:
+        for k in range(first, last):
+            if max(abs(b[rows[0] + k]), abs(b[rows[1] + k]), abs(b[rows[2] + k])) > SPEED_LIMIT:
+                return k
+        return last
+
+    @kernel
+    def stretched(b: Any, place: Any) -> Any:
+        return not STRETCH_LIMITS[0] < b[place] < STRETCH_LIMITS[1]
+
+    @kernel
+    def guard(b: Any, part: Any) -> Any:
         # Speed first: in the step after an element runs away, the implicit solve has spread it over the whole rod.
-        for k in range(first, last):
-            if max(abs(b[V[0] + k]), abs(b[V[1] + k]), abs(b[V[2] + k])) > SPEED_LIMIT:
+        for rod in range(straight + helices):
+            wide = np.uint64(1 if rod < straight else helix_slots)
+            start = np.uint64(rod if rod < straight else straight + helix_slots * (rod - straight)) * L
+            end = start + wide * part.high
+            k = fast(b, start + wide * part.low, end, V)
+            if k < end:
                 return FAST, 0, k
-        for k in range(ring_first, ring_last):
-            if max(abs(b[RING_V[0] + k]), abs(b[RING_V[1] + k]), abs(b[RING_V[2] + k])) > SPEED_LIMIT:
+        for node in range(ONE, nodes):
+            end = node * L + part.high
+            k = fast(b, node * L + part.low, end, RING_V)
+            if k < end:
                 return FAST, 1, k
-        for k in range(first, last):
-            if not np.isfinite(b[X[0] + k] + b[X[1] + k] + b[X[2] + k]):
-                return NOT_A_NUMBER, 0, k
+        for rod in range(straight + helices):
+            wide = np.uint64(1 if rod < straight else helix_slots)
+            start = np.uint64(rod if rod < straight else straight + helix_slots * (rod - straight)) * L
+            for k in range(start + wide * part.low, start + wide * part.high):
+                if not np.isfinite(b[X[0] + k] + b[X[1] + k] + b[X[2] + k]):
+                    return NOT_A_NUMBER, 0, k
         for rod in range(straight + helices):
             start = np.uint64(rod if rod < straight else straight + helix_slots * (rod - straight)) * L
-            for k in range(start + ONE, start + ONE + (n if rod < straight else long)):
-                if not STRETCH_LIMITS[0] < b[STRETCH + k] < STRETCH_LIMITS[1]:
+            first, last = (part.first, part.last) if rod < straight else (part.helix_first, part.helix_last)
+            for k in range(start + first, start + last):
+                if stretched(b, STRETCH + k):
                     return STRETCHED, 0, k
-        for k in range(ring_first, ring_last):
-            if not np.isfinite(b[RING_X + k]):
-                return NOT_A_NUMBER, 1, k
-            if not STRETCH_LIMITS[0] < b[RING_STRETCH + k] < STRETCH_LIMITS[1]:
-                return STRETCHED, 1, k
+        for node in range(ONE, nodes):
+            for k in range(node * L + part.low, node * L + part.high):
+                if not np.isfinite(b[RING_X + k]):
+                    return NOT_A_NUMBER, 1, k
+                if stretched(b, RING_STRETCH + k):
+                    return STRETCHED, 1, k
         return FINE, 0, ONE
 
     @kernel
-    def record(b: Any, points: Any, frames: Any, stretch: Any, volumes: Any) -> None:
-        for k in range(ONE, n + ONE + ONE):
+    def worst_of(b: Any, crew: Any) -> Any:
+        """What the guard found in all parts: speed first, then what is nearest to the base."""
+        findings, number = crew.findings, crew.number
+        findings[number, 0], findings[number, 1], findings[number, 2] = guard(b, crew.part)
+        meet(crew)
+        worst = 0
+        for number in range(1, crew.threads):
+            found = findings[number, 0]
+            if found != FINE and (findings[worst, 0] == FINE or (found == FAST and findings[worst, 0] != FAST)):
+                worst = number
+        return findings[worst, 0], findings[worst, 1], findings[worst, 2]
+
+    @kernel
+    def record(b: Any, part: Any, points: Any, frames: Any, stretch: Any, volumes: Any) -> None:
+        for k in range(part.node, part.behind):
             for c in range(3):
                 points[k - ONE, c] = b[X[c] + k]
                 if single:
                     points[k - ONE, c] += b[LOW[c] + k]
-        for k in range(ONE, n + ONE):
+        measure(b, part)
+        for k in range(part.first, part.last):
             for c in range(9):
                 frames[k - ONE, c // 3, c % 3] = b[Q[c] + k]
             d1, d2, d3 = apart(b, k + ONE, k)
             stretch[k - ONE] = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3) / b[LENGTH + k]
-        measure(b)
-        for k in range(ONE, n + ONE):
             volumes[k - ONE] = b[VOLUME + k]
 
     @kernel
@@ -164,36 +212,45 @@ def assembly_stepper(grid: AssemblyGrid, terms: Terms, loaded: bool = False, tou
         outside: Any,
         world: Any,
         watch: Any,
+        crew: Any,
     ) -> Any:  # fmt: skip
-        step = Step(h, laws, drag, ring_index, helix_index, outside, world)
+        meet(crew)
+        if crew.counts[LEFT]:
+            return 0, FINE, 0, 0
+        step, part = Step(h, laws, drag, ring_index, helix_index, outside, world), crew.part
         for sample in range(points.shape[0]):
-            set_levels(b, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
-            set_levels(b, AFTER, RING_AFTER, longitudinal[sample + 1], oblique[sample + 1], transverse[sample + 1])
-            move(b, 0.5 * h)
-            if touching:
+            set_levels(b, part, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
+            set_levels(b, part, AFTER, RING_AFTER, longitudinal[sample + 1], oblique[sample + 1], transverse[sample + 1])
+            move(b, part, 0.5 * h)
+            if touching and crew.number == 0:
                 drift_bodies(world.bodies, np.float64(0.5 * h))
             for number in range(steps):
-                if touching and number % LOOK == 0:
+                if loaded or touching:
+                    meet(crew)
+                if touching and crew.number == 0 and number % LOOK == 0:
                     look(b, world, np.float64(LOOK * h))
                 if loaded:
-                    find(b, outside, shares, loads[sample], loads[sample + 1], (number + 0.5) / steps)
-                force(b, real((number + 0.5) / steps), step)
-                move(b, h if number + 1 < steps else 0.5 * h)
+                    find(b, part, outside, shares, loads[sample], loads[sample + 1], (number + 0.5) / steps)
+                force(b, real((number + 0.5) / steps), step, crew)
                 if touching:
+                    meet(crew)
+                move(b, part, h if number + 1 < steps else 0.5 * h)
+                if touching and crew.number == 0:
                     drift_bodies(world.bodies, np.float64(h if number + 1 < steps else 0.5 * h))
                 if watch:
-                    finding, family, where = guard(b)
+                    finding, family, where = worst_of(b, crew)
                     if finding != FINE:
                         return sample, finding, family, where
-            if touching:
+            if touching and crew.number == 0:
                 note(world, sample, np.float64(h), steps)
-            finding, family, where = guard(b)
+            finding, family, where = worst_of(b, crew)
             if finding != FINE:
                 return sample, finding, family, where
             if single:
-                straighten(b, first, last)
-                straighten_rings(b, ring_first, ring_last)
-            record(b, points[sample], frames[sample], stretch[sample], volumes[sample])
-        return points.shape[0], FINE, 0, ONE
+                straighten(b, part)
+                straighten_rings(b, part)
+            record(b, part, points[sample], frames[sample], stretch[sample], volumes[sample])
+            meet(crew)
+        return points.shape[0], FINE, 0, 0
 
     return advance

@@ -1,9 +1,15 @@
 """The terms of a step, in their order, for the two numerics: the true hydrostat, and the published laws for comparison.
 
-A term is a compiled ``term(buffer, share, step)``, with `share` how much of the sample has passed in the middle of the step. Forces are
-collected first, then velocities change; positions are moved between steps, by `octoctrl.sim.assembly.stepping`.
+A term is a compiled ``term(buffer, share, step, part)``, with `share` how much of the sample has passed in the middle of the step, and
+works on a part of the arm (`octoctrl.sim.assembly.parts`). Forces are collected first, then velocities change; positions are moved between
+steps, by `octoctrl.sim.assembly.stepping`.
+
+Terms stand in phases. Where one reads of the neighbouring cross-section what another has written, all parts have to meet between them,
+so that it stands in a later phase; what goes on under one name with ``, `` behind is one law in stages. A term that is not made for parts
+is one `on_its_own`, in a phase of its own.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,16 +22,18 @@ from ..contact.pair_kernels import meet
 from .between_kernels import between_kernels
 from .contact_kernels import contact_kernels
 from .crossing_kernels import crossing_kernels
-from .family_kernels import cord_brake, family_kernels, family_offsets, open_solver, ring_solver, ring_spin_brake
+from .family_kernels import cord_brake, family_kernels, family_offsets, ring_solver, ring_spin_brake
 from .joint_kernels import RESULTS, load_kernels, ring_joints
 from .outside_kernels import outside_kernels
+from .parts import sweep, sweep_open
 from .pressure_kernels import pressure_kernels
 from .published_joint_kernels import RESULTS as PUBLISHED_RESULTS
 from .published_joint_kernels import even_repulsion, published_ring_joints, squeeze_kernels
 from .published_kernels import published_drag, published_strain, velocity_filters
 from .ring_mass_kernels import ring_mass_kernels
 from .side_kernels import side_kernels
-from .spoke_kernels import beside_kernel, collect_kernel, gather_kernel, share_kernel
+from .spoke_kernels import beside_kernel, collect_kernel, gather_kernel, share_kernels
+from .system_kernels import two_ended
 from .trait_kernels import sliding_base
 
 ONE = np.uint64(1)
@@ -36,7 +44,10 @@ CORD_SLIP_RATE = 300.0
 """Rate (1/s) at which the nerve cord loses its velocity relative to the muscles around it: about critical for their springs."""
 
 Terms = dict[str, Any]
-"""Compiled terms by name, in the order of a step."""
+"""Compiled terms by name, in the order of a phase."""
+
+Phases = tuple[Terms, ...]
+"""What is done in a step; between two all parts meet."""
 
 
 NOTHING = np.zeros((3, 1))
@@ -70,132 +81,185 @@ class Step(NamedTuple):
     world: Any = ()
 
 
-def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, touching: bool = False) -> Terms:
+def by_name(phases: Phases) -> Terms:
+    """All terms of a step."""
+    return {name: term for phase in phases for name, term in phase.items()}
+
+
+def on_its_own(term: Any) -> Any:
+    """Compile a term of the whole arm, ``term(buffer, share, step)``, as one of parts: the first of them does it."""
+
+    @kernel
+    def alone(b: Any, share: Any, step: Any, part: Any) -> None:
+        if part.node == ONE:
+            term(b, share, step)
+
+    return alone
+
+
+def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, touching: bool = False) -> Phases:
     """Terms of the default numerics: joints with a potential, slabs that keep their volume, implicit muscle viscosity."""
     gather, (cord, neighbours), (ring_muscle, ring_ring) = gather_kernel(grid, False), side_kernels(grid, False), ring_joints(grid)
-    beside, collect, (load, hand_on), share_out = (
-        beside_kernel(grid, False),
-        collect_kernel(grid, RESULTS),
-        load_kernels(grid),
-        share_kernel(grid),
-    )
-    volumes, press, project_slabs = pressure_kernels(grid, traits.sliding)
+    beside, collect, (load, hand_on) = beside_kernel(grid, False), collect_kernel(grid, RESULTS), load_kernels(grid)
+    (halve, add_up), (volumes, press, resist, deflate, settle) = share_kernels(grid), pressure_kernels(grid, traits.sliding)
     smooth_rings = ring_mass_kernels(grid)
     steady, hold, even = ring_spin_brake(grid), cord_brake(grid), traits.even
     rods, rings = family_kernels(grid, False), family_kernels(grid, True, traits.graded, plain=True)
-    first_node, last_node = ONE + ONE, np.uint64(grid.rings + 2)
+    strains, bending = _strains(grid, rods, rings, rods["strain"], rings["strain"])
+    crossings, on_helices = _crossings(grid, False)
+    relax, outward, pull = _axial(grid, rods, rings)
 
     @kernel
-    def sides(b: Any, share: Any, step: Any) -> None:
-        gather(b)
-        cord(b)
-        neighbours(b)
+    def sides(b: Any, share: Any, step: Any, part: Any) -> None:
+        gather(b, part)
+        cord(b, part)
+        neighbours(b, part)
 
     @kernel
-    def ring_connections(b: Any, share: Any, step: Any) -> None:
-        ring_muscle(b)
-        ring_ring(b)
+    def ring_connections(b: Any, share: Any, step: Any, part: Any) -> None:
+        ring_muscle(b, part)
 
     @kernel
-    def contacts(b: Any, share: Any, step: Any) -> None:
+    def ring_slip(b: Any, share: Any, step: Any, part: Any) -> None:
+        ring_ring(b, part)
+
+    @kernel
+    def contacts(b: Any, share: Any, step: Any, part: Any) -> None:
         if not even:
-            beside(b)
+            beside(b, part)
 
     @kernel
-    def sums(b: Any, share: Any, step: Any) -> None:
-        collect(b)
-        load(b)
-        share_out(b, step.drag[0], step.drag[1])
-        hand_on(b)
+    def sums(b: Any, share: Any, step: Any, part: Any) -> None:
+        collect(b, part)
+        load(b, part)
+        halve(b, part, step.drag[0], step.drag[1])
 
     @kernel
-    def pressure(b: Any, share: Any, step: Any) -> None:
-        volumes(b)
-        press(b)
+    def on_nodes(b: Any, share: Any, step: Any, part: Any) -> None:
+        add_up(b, part)
+        hand_on(b, part)
 
     @kernel
-    def brakes(b: Any, share: Any, step: Any) -> None:
-        steady(b, 1.0 - np.exp(-RING_SPIN_RATE * step.h))
-        hold(b, 1.0 - np.exp(-CORD_SLIP_RATE * step.h), first_node, last_node)
+    def pressure(b: Any, share: Any, step: Any, part: Any) -> None:
+        volumes(b, part)
+        press(b, part)
 
     @kernel
-    def smooth(b: Any, share: Any, step: Any) -> None:
-        smooth_rings(b)
+    def brakes(b: Any, share: Any, step: Any, part: Any) -> None:
+        steady(b, part, 1.0 - np.exp(-RING_SPIN_RATE * step.h))
+        hold(b, part, 1.0 - np.exp(-CORD_SLIP_RATE * step.h))
 
     @kernel
-    def project(b: Any, share: Any, step: Any) -> None:
-        project_slabs(b, step.h)
+    def smooth(b: Any, share: Any, step: Any, part: Any) -> None:
+        smooth_rings(b, part)
 
-    return _touched(grid, touching, _slid(grid, traits, {
-        "strains": _strains(grid, rods, rings, rods["strain"], rings["strain"]),
-        "crossings": _crossings(grid, False),
-        "sides": sides,
-        "ring connections": ring_connections,
-        "contacts": contacts,
-        "sums": sums,
-        "pressure": pressure,
-        **_loads(grid, loaded),
-        "ring spin": _ring_spin(grid, rings),
-        "kick": _kick(grid, rods, rings, family_kernels(grid, False, plain=True)["spin"]),
-        "brakes": brakes,
-        "axial": _axial(grid, rods, rings),
-        "smooth": smooth,
-        "project": project,
-    }))  # fmt: skip
+    @kernel
+    def project(b: Any, share: Any, step: Any, part: Any) -> None:
+        resist(b, part, step.h)
+
+    @kernel
+    def project_rings(b: Any, share: Any, step: Any, part: Any) -> None:
+        deflate(b, part)
+
+    @kernel
+    def project_muscles(b: Any, share: Any, step: Any, part: Any) -> None:
+        settle(b, part)
+
+    slide, (touch, follow) = _slide(grid, traits), _touched(grid, touching)
+    phases: Phases = (
+        {
+            "strains": strains,
+            "crossings": crossings,
+            "sides": sides,
+            "ring connections": ring_connections,
+            "contacts": contacts,
+            "sums": sums,
+        },
+        {
+            "strains, bending": bending,
+            "crossings, helices": on_helices,
+            "ring connections, slip": ring_slip,
+            "sums, nodes": on_nodes,
+            "pressure": pressure,
+            **_loads(grid, loaded),
+        },
+        {
+            "ring spin": _ring_spin(grid, rings),
+            "kick": _kick(grid, rods, rings, family_kernels(grid, False, plain=True)["spin"]),
+            **slide("slide"),
+            "brakes": brakes,
+        },
+        touch,
+        {"axial": relax, "smooth": smooth},
+        {"axial, outward": outward},
+        {"axial, speeds": pull},
+        {"project": project},
+        {"project, rings": project_rings},
+        {"project, muscles": project_muscles, **slide("slide again")},
+        follow,
+    )
+    return tuple(phase for phase in phases if phase)
 
 
-def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, loaded: bool = False) -> Terms:
-    """Terms of the published numerics, for an `inclination` (rad) of the longitudinal muscles."""
+def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, loaded: bool = False) -> Phases:
+    """Terms of the published numerics, for an `inclination` (rad) of the longitudinal muscles; they know no parts but the whole."""
     gather, (cord, neighbours) = gather_kernel(grid, True), side_kernels(grid, True)
     ring_muscle, ring_ring = published_ring_joints(grid, inclination)
-    beside, collect, share_out = beside_kernel(grid, True), collect_kernel(grid, PUBLISHED_RESULTS), share_kernel(grid)
+    beside, collect, (halve, add_up) = beside_kernel(grid, True), collect_kernel(grid, PUBLISHED_RESULTS), share_kernels(grid)
     squeeze, hand_on = squeeze_kernels(grid)
     repel, brake, filters, even = even_repulsion(grid), published_drag(grid), velocity_filters(grid, not traits.bare), traits.even
     _, _, _, _, close_speed = ring_solver(grid)
     rods, rings = family_kernels(grid, False), family_kernels(grid, True, traits.graded)
     strain, ring_strain = (published_strain(grid, *family, traits.bare) for family in ((False, False), (True, traits.graded)))
+    strains, bending = _strains(grid, rods, rings, strain, ring_strain)
+    crossings, on_helices = _crossings(grid, True)
     first, last = ONE, np.uint64(grid.open_slots * grid.lanes - 1)
 
     @kernel
-    def drag(b: Any, share: Any, step: Any) -> None:
+    def drag(b: Any, share: Any, step: Any, part: Any) -> None:
         # Straight rods have none of it, and the spokes use their scratch.
-        close_speed(b)
+        close_speed(b, part)
         brake(b, step.drag[2], step.drag[3])
 
     @kernel
-    def spokes(b: Any, share: Any, step: Any) -> None:
-        gather(b)
-        cord(b)
-        neighbours(b)
+    def spokes(b: Any, share: Any, step: Any, part: Any) -> None:
+        gather(b, part)
+        cord(b, part)
+        neighbours(b, part)
         ring_muscle(b)
         if even:
             repel(b)
         ring_ring(b)
         if not even:
-            beside(b)
+            beside(b, part)
 
     @kernel
-    def sums(b: Any, share: Any, step: Any) -> None:
-        collect(b)
+    def sums(b: Any, share: Any, step: Any, part: Any) -> None:
+        collect(b, part)
         squeeze(b)
-        share_out(b, step.drag[0], step.drag[1])
+        halve(b, part, step.drag[0], step.drag[1])
+        add_up(b, part)
         hand_on(b)
 
     @kernel
-    def smooth(b: Any, share: Any, step: Any) -> None:
+    def smooth(b: Any, share: Any, step: Any, part: Any) -> None:
         filters(b, first, last)
 
     terms = {
-        "strains": _strains(grid, rods, rings, strain, ring_strain),
-        "crossings": _crossings(grid, True),
+        "strains": strains,
+        "strains, bending": bending,
+        "crossings": crossings,
+        "crossings, helices": on_helices,
         "drag": drag,
         "spokes": spokes,
         "sums": sums,
         **_loads(grid, loaded),
         "ring spin": _ring_spin(grid, rings),
         "kick": _kick(grid, rods, rings),
+        **_slide(grid, traits)("slide"),
+        "smooth": smooth,
     }
-    return _slid(grid, traits, terms) | {"smooth": smooth}
+    return (terms,)
 
 
 def _loads(grid: AssemblyGrid, loaded: bool) -> Terms:
@@ -205,16 +269,16 @@ def _loads(grid: AssemblyGrid, loaded: bool) -> Terms:
     _, add = outside_kernels(grid)
 
     @kernel
-    def loads(b: Any, share: Any, step: Any) -> None:
-        add(b, step.outside)
+    def loads(b: Any, share: Any, step: Any, part: Any) -> None:
+        add(b, part, step.outside)
 
     return {"loads": loads}
 
 
-def _touched(grid: AssemblyGrid, touching: bool, terms: Terms) -> Terms:
-    """With impulses from bodies before the implicit axial step, and anchors that follow at the end, if there are bodies."""
+def _touched(grid: AssemblyGrid, touching: bool) -> tuple[Terms, Terms]:
+    """Impulses from bodies, before the implicit axial step, and anchors that follow at the end, if there are bodies."""
     if not touching:
-        return terms
+        return {}, {}
     _, exchange, go_along = contact_kernels(grid)
 
     @kernel
@@ -227,122 +291,128 @@ def _touched(grid: AssemblyGrid, touching: bool, terms: Terms) -> Terms:
     def follow(b: Any, share: Any, step: Any) -> None:
         go_along(b, step.world, np.float64(step.h))
 
-    touched = {}
-    for name, term in terms.items():
-        if name == "brakes":
-            touched["touch"] = touch
-        touched[name] = term
-    return touched | {"follow": follow}
+    return {"touch": on_its_own(touch)}, {"follow": on_its_own(follow)}
 
 
-def _slid(grid: AssemblyGrid, traits: Traits, terms: Terms) -> Terms:
-    """With the first nodes of muscles and helices back in their plane after the kick and at the end, if the base slides."""
+def _slide(grid: AssemblyGrid, traits: Traits) -> Callable[[str], Terms]:
+    """The term, under any name, that puts the first nodes of muscles and helices back into their plane, if the base slides."""
     if not traits.sliding:
-        return terms
+        return lambda name: {}
     hold = sliding_base(grid)
 
     @kernel
-    def slide(b: Any, share: Any, step: Any) -> None:
-        hold(b)
+    def slide(b: Any, share: Any, step: Any, part: Any) -> None:
+        hold(b, part)
 
-    slid = {}
-    for name, term in terms.items():
-        slid[name] = term
-        if name == "kick":
-            slid["slide"] = slide
-    if "project" in terms:
-        slid["slide again"] = slide
-    return slid
+    return lambda name: {name: slide}
 
 
-def _bounds(grid: AssemblyGrid) -> tuple[Any, ...]:
-    """First and last index of open rods and of rings."""
-    return ONE, np.uint64(grid.open_slots * grid.lanes - 1), np.uint64(grid.lanes), np.uint64((grid.ring_nodes + 1) * grid.lanes)
-
-
-def _strains(grid: AssemblyGrid, rods: Any, rings: Any, strain: Any, ring_strain: Any) -> Any:
-    bend, ring_bend = rods["bend"], rings["bend"]
+def _strains(grid: AssemblyGrid, rods: Any, rings: Any, strain: Any, ring_strain: Any) -> tuple[Any, Any]:
+    """Strains of all rods with the moments of the rings, and, when all parts have them, the moments of the open rods."""
     _, close_state, close_strain, close_moment, _ = ring_solver(grid)
-    first, last, ring_first, ring_last = _bounds(grid)
-    muscles, helices = np.uint64(grid.lanes), np.uint64(grid.straight_rods * grid.lanes)
+    cord, muscles, helices = (sweep(grid, family, strain) for family in ("cord", "muscles", "helices"))
+    bend, strain_rings, bend_rings = sweep_open(grid, rods["bend"]), sweep(grid, "rings", ring_strain), sweep(grid, "rings", rings["bend"])
 
     @kernel
-    def strains(b: Any, share: Any, step: Any) -> None:
+    def strains(b: Any, share: Any, step: Any, part: Any) -> None:
         elastic = 0.25 * step.h
-        close_state(b)
-        strain(b, first, muscles, share, elastic, step.laws[3])
-        strain(b, muscles, helices, share, elastic, step.laws[0])
-        strain(b, helices, last, share, elastic, step.laws[1])
-        bend(b, first, last)
-        ring_strain(b, ring_first, ring_last, share, elastic, step.laws[2])
-        close_strain(b)
-        ring_bend(b, ring_first, ring_last)
-        close_moment(b)
-
-    return strains
-
-
-def _crossings(grid: AssemblyGrid, published: bool) -> Any:
-    fetch, connect, give = between_kernels(grid) if grid.between else crossing_kernels(grid, published)
-    o, g = family_offsets(grid, False), family_offsets(grid, True)
-    RF1, RF2, RF3, HF1, HF2, HF3 = (table[f"F{i}"] for table in (g, o) for i in (1, 2, 3))
-    _, last, ring_first, ring_last = _bounds(grid)
-    helices = np.uint64(grid.straight_rods * grid.lanes)
+        close_state(b, part)
+        cord(b, part, share, elastic, step.laws[3])
+        muscles(b, part, share, elastic, step.laws[0])
+        helices(b, part, share, elastic, step.laws[1])
+        strain_rings(b, part, share, elastic, step.laws[2])
+        close_strain(b, part)
+        bend_rings(b, part)
+        close_moment(b, part)
 
     @kernel
-    def crossings(b: Any, share: Any, step: Any) -> None:
-        for k in range(ring_first, ring_last):
-            b[RF1 + k], b[RF2 + k], b[RF3 + k] = 0.0, 0.0, 0.0
-        for k in range(helices, last):
-            b[HF1 + k], b[HF2 + k], b[HF3 + k] = 0.0, 0.0, 0.0
-        fetch(b, step.ring_index, step.helix_index)
-        connect(b)
-        give(b, step.ring_index, step.helix_index)
+    def bending(b: Any, share: Any, step: Any, part: Any) -> None:
+        bend(b, part)
 
-    return crossings
+    return strains, bending
+
+
+def _crossings(grid: AssemblyGrid, published: bool) -> tuple[Any, Any]:
+    """Crossings with their forces on rings, and, when all parts have them, the forces on helices."""
+    fetch, connect, give_rings, give_helices = between_kernels(grid) if grid.between else crossing_kernels(grid, published)
+    (ring_forces, helix_forces) = (tuple(family_offsets(grid, rings)[f"F{i}"] for i in (1, 2, 3)) for rings in (True, False))
+
+    @kernel
+    def clear(b: Any, first: Any, last: Any, rows: Any) -> None:
+        for row in rows:
+            for k in range(first, last):
+                b[row + k] = 0.0
+
+    clear_rings, clear_helices = sweep(grid, "rings", clear), sweep(grid, "helices", clear)
+
+    @kernel
+    def crossings(b: Any, share: Any, step: Any, part: Any) -> None:
+        clear_rings(b, part, ring_forces)
+        clear_helices(b, part, helix_forces)
+        fetch(b, part, step.ring_index, step.helix_index)
+        connect(b, part)
+        give_rings(b, part, step.ring_index)
+
+    @kernel
+    def on_helices(b: Any, share: Any, step: Any, part: Any) -> None:
+        give_helices(b, part, step.helix_index)
+
+    return crossings, on_helices
 
 
 def _ring_spin(grid: AssemblyGrid, rings: Any) -> Any:
-    spin, (_, _, first, last) = rings["spin"], _bounds(grid)
+    spin = sweep(grid, "rings", rings["spin"])
 
     @kernel
-    def ring_spin(b: Any, share: Any, step: Any) -> None:
-        spin(b, first, last)
+    def ring_spin(b: Any, share: Any, step: Any, part: Any) -> None:
+        spin(b, part)
 
     return ring_spin
 
 
 def _kick(grid: AssemblyGrid, rods: Any, rings: Any, spin_helices: Any = None) -> Any:
-    kick_rods, spin, kick_rings = rods["kick"], rods["spin"], rings["kick"]
-    first, last, ring_first, ring_last = _bounds(grid)
-    helices, spin_rest = np.uint64(grid.straight_rods * grid.lanes), spin if spin_helices is None else spin_helices
+    kick_rods, kick_rings = sweep_open(grid, rods["kick"]), sweep(grid, "rings", rings["kick"])
+    spin, spin_rest = sweep(grid, "straight", rods["spin"]), sweep(grid, "helices", rods["spin"] if spin_helices is None else spin_helices)
 
     @kernel
-    def kick(b: Any, share: Any, step: Any) -> None:
-        kick_rods(b, first, last)
-        spin(b, first, helices)
-        spin_rest(b, helices, last)
-        kick_rings(b, ring_first, ring_last)
+    def kick(b: Any, share: Any, step: Any, part: Any) -> None:
+        kick_rods(b, part)
+        spin(b, part)
+        spin_rest(b, part)
+        kick_rings(b, part)
 
     return kick
 
 
-def _axial(grid: AssemblyGrid, rods: Any, rings: Any) -> Any:
-    axial, correct, ring_axial, ring_correct = rods["axial"], rods["correct"], rings["axial"], rings["correct"]
-    solve, (ring_solve, _, _, _, close_speed) = open_solver(grid), ring_solver(grid)
-    first, last, ring_first, ring_last = _bounds(grid)
-    straight, helices, helix_nodes = grid.straight_rods, grid.helices, np.uint64(grid.helix_nodes)
-    elements, helix_elements, helix_slot = np.uint64(grid.rings), np.uint64(grid.helix_elements), np.uint64(grid.straight_rods)
+def _axial(grid: AssemblyGrid, rods: Any, rings: Any) -> tuple[Any, Any, Any]:
+    """Axial systems: of the rings; of the open rods half way, outward again, and what they do to velocities."""
+    axial, correct = (sweep_open(grid, rods[name]) for name in ("axial", "correct"))
+    ring_axial, ring_correct = (sweep(grid, "rings", rings[name]) for name in ("axial", "correct"))
+    ring_solve, _, _, _, close_speed = ring_solver(grid)
+    eliminate, substitute = two_ended(family_offsets(grid, False), "CORRECTION")
+    straight, helices = grid.straight_rods, grid.helices
+    none, jump, middle = (np.uint64(value) for value in (0, grid.lanes, grid.middle))
+    start, wide, helix_middle = (
+        np.uint64(value) for value in (straight * grid.lanes, grid.helix_nodes * grid.lanes, grid.helix_nodes * grid.middle)
+    )
 
     @kernel
-    def relax(b: Any, share: Any, step: Any) -> None:
-        close_speed(b)
-        axial(b, first, last)
-        solve(b, elements, straight, np.uint64(0), ONE)
-        solve(b, helix_elements, helices, helix_slot, helix_nodes)
-        correct(b, first, last)
-        ring_axial(b, ring_first, ring_last)
-        ring_solve(b)
-        ring_correct(b, ring_first, ring_last)
+    def relax(b: Any, share: Any, step: Any, part: Any) -> None:
+        close_speed(b, part)
+        axial(b, part)
+        eliminate(b, part.first, part.last, middle, none, jump, straight)
+        eliminate(b, part.helix_first, part.helix_last, helix_middle, start, wide, helices)
+        ring_axial(b, part)
+        ring_solve(b, part)
+        ring_correct(b, part)
 
-    return relax
+    @kernel
+    def outward(b: Any, share: Any, step: Any, part: Any) -> None:
+        substitute(b, part.first, part.last, middle, none, jump, straight)
+        substitute(b, part.helix_first, part.helix_last, helix_middle, start, wide, helices)
+
+    @kernel
+    def pull(b: Any, share: Any, step: Any, part: Any) -> None:
+        correct(b, part)
+
+    return relax, outward, pull

@@ -6,6 +6,8 @@ from numbers import Integral
 from ..errors import OctoctrlError
 
 LARGEST_COUNT = 400
+LANES = 16
+"""Lanes come in so many: a cache line in single precision, and what the processor goes through at once in either."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +59,14 @@ class AssemblyGrid:
 
     @property
     def lanes(self) -> int:
-        """Numbers per slot: all rings, room for ghosts, and a multiple of eight for the processor."""
-        return -(-(self.rings + 4) // 8) * 8
+        """Numbers per slot: all rings, and room for ghosts."""
+        return -(-(self.rings + 4) // LANES) * LANES
+
+    @property
+    def middle(self) -> int:
+        """Lane where the second half of the arm begins: if there are so many rings, with a cache line, which no half shares."""
+        line = self.lanes // 2 // LANES * LANES
+        return line if 0 < line < self.rings else self.rings // 2
 
     @property
     def straight_rods(self) -> int:
