@@ -382,7 +382,7 @@ def test_a_wrong_answer_after_the_first_leaves_the_run(short):
 
 def test_unknown_feedback(short):
     with pytest.raises(
-        OctoctrlError, match=r"unknown feedback 'tvlq'; did you mean 'tvlqr'\? \(tvlqr, mpc, open-loop, a callable or a controller\)"
+        OctoctrlError, match=r"unknown feedback 'tvlq'; did you mean 'tvlqr'\? \(tvlqr, mpc, grip, open-loop, a callable or a controller\)"
     ):
         execute(short, feedback="tvlq")
 
@@ -406,7 +406,7 @@ def test_plan_of_another_arm_is_refused(short):
         ({"patience": -0.1}, "patience=-0.1 is outside >= 0"),
         (
             {"feedback": 3},
-            "feedback is int 3; give the name of a controller (tvlqr, mpc, open-loop), a callable, or an object like a Controller",
+            "feedback is int 3; give the name of a controller (tvlqr, mpc, grip, open-loop), a callable, or an object like a Controller",
         ),
     ],
 )

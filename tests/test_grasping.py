@@ -4,16 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.colors import rgb_to_hsv
 
 import octoctrl as oc
 from octoctrl.carrying import calibrating
 from octoctrl.carrying.searching import plan_by_search
 from octoctrl.carrying.trials import schedule_of
 from octoctrl.carrying.tugging import tugs
+from octoctrl.pictures.maps import activation_maps, bend_colours
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve, shared_level
-from octoctrl.planners.solving.grasping import grasp_drives, nearest, too_short
+from octoctrl.planners.contracts import ClockReading
+from octoctrl.planners.following.gripping import Gripping
+from octoctrl.planners.solving.grasping import grasp_drives, nearest, too_short, touch_time
 from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.activation import Wave
@@ -236,6 +240,49 @@ def test_friction_holds_along_the_axis_what_its_law_says(hold, friction):
     assert found["along"].slip > 2e-3 and found["across"].force > 0 and found["across"].covered > 0.7
     for name, values in plant.state().items():
         np.testing.assert_array_equal(values, before[name])
+
+
+def test_the_grip_keeps_to_the_plan_before_the_touch_and_corrects_what_is_missing_after_it(hold):
+    plan, _, plant = hold
+    model = plan.model
+    strains = np.tile(model.rest, (2, 1, 1))
+    strains[:, :, 0] = 20.0  # bent towards LM5, where the post stands
+    shaped = replace(plan, time=np.array([0.0, 5.0]), strains=strains)
+    grip = Gripping(shaped)
+    straight = grip.correction(model.rest, 2.0)
+    assert straight.shape == (8, model.sections)
+    assert straight[4].min() > 0 > straight[0].max(), "more towards LM5, less towards LM1"
+    np.testing.assert_allclose(straight[2], 0.0, atol=1e-12)
+    np.testing.assert_allclose(grip.correction(strains[0], 2.0), 0.0, atol=1e-12)
+    assert touch_time(shaped) < 5.0 and touch_time(replace(shaped, model=replace(model, scene=oc.Scene()))) == np.inf
+    seen = plant.observe()
+    edges = plant.edges
+    before = Gripping(replace(shaped, model=replace(model, scene=oc.Scene())))
+    reading = ClockReading(4.0, 4.0, 4.05, 0.05)
+    times = np.array([4.0, 4.05])
+    planned = plan.schedule.activation().levels(times, edges)
+    np.testing.assert_array_equal(before.levels(seen, reading).levels(times, edges), planned)
+    after = grip.levels(seen, reading).levels(times, edges)
+    np.testing.assert_array_equal(after[0], planned[0])
+    assert np.abs(after[1] - planned[1]).max() > 0.01 and grip.report().largest_correction > 0.01
+    again = Gripping(shaped)
+    again.restore(grip.state())
+    np.testing.assert_array_equal(again.levels(seen, reading).levels(times, edges)[0] != planned[0], after[1] != planned[0])
+
+
+def test_maps_show_the_side_and_the_strength(hold, tmp_path):
+    _, run, _ = hold
+    colours = bend_colours(run)
+    assert colours.shape == (200, len(run.recording.time), 3)
+    np.testing.assert_allclose(colours[:, 0], 1.0, atol=5e-3)  # nothing is active yet: white
+    where = 120  # of 200 mm
+    late = rgb_to_hsv(colours[where, -1])
+    assert late[0] == pytest.approx((-3.311 / (2 * np.pi)) % 1.0, abs=0.02) and late[1] > 0.5
+    path = tmp_path / "maps.png"
+    activation_maps([run, run], path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(OctoctrlError, match="0 runs are to be drawn"):
+        activation_maps([], tmp_path / "none.png")
 
 
 # ---------------------------------------------------------------- from task to verdict

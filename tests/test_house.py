@@ -67,7 +67,7 @@ ROOMS = {
         "model": {"contracts"},
         "fitting": {"contracts", "model"},
         "solving": {"contracts", "asking", "model", "fitting"},
-        "following": {"contracts", "asking", "model", "solving.plan"},
+        "following": {"contracts", "asking", "model", "solving.plan", "solving.grasping"},
     },
     "octoctrl": {
         "progress": set(),

@@ -151,7 +151,7 @@ FILES = [
     ('{ quantity = "twist", value = -1.0 }', '{ quantity = "tip", value = ["1 cm", 0.1] }', "reach.toml:7 task.phases[0].goals[0].value: expected 3 values, found 2"),
     ("length = 0.2", "length = 1" + 400 * "0", "reach.toml:16 arm.length: the number is beyond 1e308"),
     ("[arm]", "a = " + 3000 * "[" + "\n[arm]", "reach.toml: not valid TOML: brackets are nested too deeply"),
-    ("[arm]", "[run]\nfeedback = 'tvlq'\n[arm]", "reach.toml:16 run.feedback: unknown feedback 'tvlq'; did you mean 'tvlqr'? (tvlqr, mpc, open-loop)"),
+    ("[arm]", "[run]\nfeedback = 'tvlq'\n[arm]", "reach.toml:16 run.feedback: unknown feedback 'tvlq'; did you mean 'tvlqr'? (tvlqr, mpc, grip, open-loop)"),
 ]  # fmt: skip
 
 
@@ -180,7 +180,7 @@ COMMANDS = [
     (["identify", "-o", "model.npz"], "unknown format '.npz'; use .json"),
     (["run", "plan.npz", "-o", "run.npz"], "plan.npz does not exist"),
     (["run", "coil.npz", "-o", "there.npz"], "there.npz exists; use -f to replace"),
-    (["run", "coil.npz", "-o", "run.npz", "--feedback", "lqg"], "unknown feedback 'lqg' (tvlqr, mpc, open-loop)"),
+    (["run", "coil.npz", "-o", "run.npz", "--feedback", "lqg"], "unknown feedback 'lqg' (tvlqr, mpc, grip, open-loop)"),
     (["run", "coil.npz", "-o", "run.npz", "--open-loop", "--feedback", "tvlqr"], "--open-loop and --feedback tvlqr contradict each other; give one of them"),
     (["verify", "there.npz"], "there.npz is not a file of octoctrl, or is damaged"),
     (["verify", "new.npz"], "new.npz has schema 3, this octoctrl reads 2: pip install -U octoctrl"),

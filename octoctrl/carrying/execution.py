@@ -53,7 +53,7 @@ def execute(
     Parameters
     ----------
     plan : Plan
-    feedback : {"tvlqr", "mpc", "open-loop"}, Controller or callable, optional
+    feedback : {"tvlqr", "mpc", "grip", "open-loop"}, Controller or callable, optional
         The plan's own if omitted: a controller of `octoctrl.planners.following.controllers`, by name, or any object of its kind. A callable
         gets ``(time, observation)`` and returns the levels of the muscle groups: a dict of group to level, or an array (11,) or (11, n) in
         the order of `octoctrl.sim.body.arm.MUSCLE_GROUPS`. It replaces the plan's activation.

@@ -19,7 +19,7 @@ from octoctrl.planners.asking.task import Drive, Task
 from octoctrl.planners.asking.wrapping import Swing, TwistCurve, with_curve
 from octoctrl.planners.contracts import Floats, Primitive
 from octoctrl.planners.model.reduced import ReducedModel
-from octoctrl.planners.solving.cross_entropy import Candidate, Searched, search
+from octoctrl.planners.solving.cross_entropy import Candidate, Judgement, Searched, search
 from octoctrl.planners.solving.grasping import FIRST_TWISTS, check_objects, grasp_drives, held_at_the_end, objects_held, too_short
 from octoctrl.planners.solving.plan import GoalReport, Plan, PlanReport, PlanStatus
 from octoctrl.planners.solving.scenarios import Scenario, four
@@ -35,13 +35,13 @@ from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..progress import NullProgress, Progress
 from .calibrating import twist_curve
-from .trials import Stage, misses, plant_for, schedule_of, since
+from .trials import HOPELESS, LOST, Stage, misses, plant_for, schedule_of, since
 from .tugging import tugs
 
 SEARCHED_ON = "rod"
 """The plant on which is searched."""
 
-ENOUGH, BAD = 0.15, 2.5
+ENOUGH, BAD = 0.15, 1.6
 """Price of a goal that needs no bettering, unless it says one, and how many times that of all goals another search has to follow."""
 
 SEARCHES, CANDIDATES, APART = 3, 3, 0.6
@@ -263,7 +263,7 @@ def _stage(
     return Stage(
         task=task, phase=phase, begins=begins_of(task), drives=drives, settled=settled, arm=work.arm, scene=work.scene,
         held=frozenset(objects_held(task)), scenarios=scenarios, states=states, plant=SEARCHED_ON, curve=curve,
-        spread=work.spread,
+        spread=work.spread, hopeless=HOPELESS * (1 + 0.5 * max(len(phase.goals) - 1, 0)),
     )  # fmt: skip
 
 
@@ -276,20 +276,25 @@ def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tup
         x = np.zeros(0)
         return [(stages[0], Candidate(x, stages[0](x)))], [], 1
     for number, stage in enumerate(stages):
+        unknowns = stage.unknowns
+        if found and stage.task == found[-1][0].task:  # the same start again: better from the best so far
+            unknowns = replace(unknowns, mean=min((result.best for _, result in found), key=lambda item: item.price).x)
         work.progress.start(f"searching phase '{name}', start {number + 1}", float(work.population * work.rounds))
         try:
             result = search(
-                stage, stage.unknowns, work.executor, seed=work.seed + 1000 * index + number, population=work.population,
+                stage, unknowns, work.executor, seed=work.seed + 1000 * index + number, population=work.population,
                 rounds=work.rounds, enough=enough, stop=work.over, progress=work.progress,
             )  # fmt: skip
         finally:
             work.progress.stop()
+        if result.ended == "interrupted":
+            work.limit = 0.0  # nor are later phases searched
         if result.candidates:
             found.append((stage, result))
-        if result.ended in ("interrupted", "the time was up") or (result.candidates and result.best.price < BAD * enough):
+        if work.over() or (result.candidates and result.best.price < BAD * enough):
             break
-    if not found:
-        raise OctoctrlError(f"nothing of phase '{name}' was tried within the time limit of {work.limit:g} s; raise time_limit")
+    if not found:  # no time: the task's own numbers
+        return [(stages[0], Candidate(stages[0].unknowns.mean, Judgement(price=LOST, runs=0)))], [f"phase '{name}' was not searched"], 0
     ranked = sorted(((stage, item) for stage, result in found for item in result.apart(CANDIDATES, APART)), key=lambda pair: pair[1].price)
     said = [f"phase '{name}', {result}" for _, result in found]
     return ranked[:CANDIDATES], said, sum(len(result.candidates) for _, result in found)

@@ -32,7 +32,7 @@ RECORD = 4
 """Samples between recorded instants of a trial: 20 ms."""
 
 HOPELESS, LOST = 2.0, 9.0
-"""Price beyond which a trial is not tried in further scenarios, and price of a plant that diverged."""
+"""Price of a goal beyond which a trial is not tried in further scenarios, and price of a plant that diverged."""
 
 DEEP = 1e-3
 """Depth of contact from which on it costs, m: real ones are ten times smaller."""

@@ -25,7 +25,7 @@ def run(
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="RUN.npz")] = None,
     broken_off: Annotated[Path | None, typer.Option("--resume", metavar="RUN.npz", help="Go on with a run that was broken off.")] = None,
     open_loop: Annotated[bool, typer.Option("--open-loop", help="Play the planned activations without feedback.")] = False,
-    feedback: Annotated[str | None, typer.Option("--feedback", metavar="NAME", help="tvlqr, mpc or open-loop.")] = None,
+    feedback: Annotated[str | None, typer.Option("--feedback", metavar="NAME", help="tvlqr, mpc, grip or open-loop.")] = None,
     plant: PlantName = None,
     anyway: Annotated[bool, typer.Option("--anyway", help="Run a plan that does not meet its goals.")] = False,
     view: Annotated[bool, typer.Option("--view", help="Watch it live in a browser, set the pace, plan again.")] = False,

@@ -54,7 +54,7 @@ class RunSettings:
 
     Attributes
     ----------
-    feedback : {"tvlqr", "mpc", "open-loop"}
+    feedback : {"tvlqr", "mpc", "grip", "open-loop"}
         What corrects the activations while the plant moves.
     plant : str
         What the plan is made for and carried out on, by its name in `octoctrl.sim.plants.PLANTS`: one rod, or the full arm of 197 rods.

@@ -35,6 +35,13 @@ def open_loop(plan: Plan) -> Controller:
     return OpenLoop(plan)
 
 
+def grip(plan: Plan) -> Controller:
+    """The activation of a `plan` until it touches, then what holds the shape in which it grasps."""
+    from .gripping import Gripping
+
+    return Gripping(plan)
+
+
 def custom(function: Callable[..., Any]) -> Controller:
     """A `function` of time and observation that takes the place of a plan's activation."""
     from .custom import Custom
@@ -42,7 +49,7 @@ def custom(function: Callable[..., Any]) -> Controller:
     return Custom(function)
 
 
-CONTROLLERS: dict[str, Callable[[Plan], Controller]] = {"tvlqr": tvlqr, "mpc": mpc, "open-loop": open_loop}
+CONTROLLERS: dict[str, Callable[[Plan], Controller]] = {"tvlqr": tvlqr, "mpc": mpc, "grip": grip, "open-loop": open_loop}
 """What can be named as feedback, and how it is made for a plan."""
 
 

@@ -20,6 +20,7 @@ from octoctrl.sim.scene.scene import Scene
 from ..asking.goals.covered_winding import CoveredWindingGoal
 from ..asking.task import Drive, Task
 from ..asking.wrapping import Curl, StoreTwist, Swing
+from .plan import Plan
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +29,9 @@ ENOUGH_TURNS = 1.25
 
 BEFORE = 0.05
 """How far before the nearest point the curl begins, m."""
+
+TOUCHES = 2e-3
+"""Gap below which a planned arm counts as touching, m."""
 
 FIRST_TWISTS = (0.0, 0.15, -0.15)
 """Turns from which searches begin, one after the other."""
@@ -139,3 +143,18 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene, start: int = 0) -> Task:
         Drive(name="swing", primitive=lean, begins=first, free=("azimuth", "level", "stop")),
     )
     return replace(task, drives=drives, choose=None)
+
+
+def touch_time(plan: Plan) -> float:
+    """When a plan's arm first comes as near as `TOUCHES` to an object that its goals name, s; infinite if it never does."""
+    held = objects_held(plan.task)
+    radius = np.asarray(plan.arm.section(plan.arm.edges).outer_radius)
+    if not plan.strains.size:
+        return float("inf")
+    points, near = plan.model.points(plan.strains), np.zeros(len(plan.time), dtype=bool)
+    for item in plan.scene.objects:
+        if item.name in held:
+            place = np.tile(np.asarray(item.position, dtype=float), (len(points), 1))
+            frame = np.tile(frame_of(item), (len(points), 1, 1))
+            near |= (gaps(points, item, place, frame) - radius).min(axis=1) < TOUCHES
+    return float(plan.time[near.argmax()]) if near.any() else float("inf")
