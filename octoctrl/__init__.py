@@ -32,7 +32,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from octoctrl.planners.asking.goals.measured import MeasuredGoal, ScalarGoal
-    from octoctrl.planners.asking.primitives import Bend, BendWave, Elongate, Shorten, Twist
+    from octoctrl.planners.asking.primitives import Bend, BendWave, Elongate, Shorten, Twist, TwistWave
     from octoctrl.planners.asking.registry import goal, register_goal, register_primitive
     from octoctrl.planners.asking.schedule import Schedule
     from octoctrl.planners.asking.task import Drive, Phase, Task
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "octoctrl.planners.solving.plan": ("Plan",),
     "octoctrl.planners.asking.goals.measured": ("MeasuredGoal", "ScalarGoal"),
-    "octoctrl.planners.asking.primitives": ("Bend", "BendWave", "Elongate", "Shorten", "Twist"),
+    "octoctrl.planners.asking.primitives": ("Bend", "BendWave", "Elongate", "Shorten", "Twist", "TwistWave"),
     "octoctrl.planners.asking.registry": ("goal", "register_goal", "register_primitive"),
     "octoctrl.planners.asking.schedule": ("Schedule",),
     "octoctrl.planners.asking.task": ("Drive", "Phase", "Task"),
@@ -127,6 +127,7 @@ __all__ = [
     "TopologyConvention",
     "TopologyTrace",
     "Twist",
+    "TwistWave",
     "Verdict",
     "View",
     "Water",

@@ -35,6 +35,15 @@ def moved():
 # Trials
 
 
+def test_trials_of_the_full_arm_are_of_any_of_its_plants():
+    one, other = draw("full arm, all groups", 0, 3), draw("full arm, all groups", 0, 3, "assembly-coarse")
+    assert (one.plant, other.plant, draw("gentle", 0, 3, "assembly-coarse").plant) == ("assembly", "assembly-coarse", "rod")
+    assert replace(other, plant="assembly") == one
+    short = replace(other, plant="assembly-coarse-mixed", duration=0.02)
+    outcome = perform(short)
+    assert outcome.ending is Ending.FINISHED and outcome.volume is not None and outcome.simulated == pytest.approx(0.02)
+
+
 @settings(max_examples=60, deadline=None)
 @given(kind=st.sampled_from([*KINDS, *ASSEMBLY_KINDS]), number=st.integers(0, 10**6), seed=st.integers(0, 99))
 def test_a_trial_is_drawn_alike_again_and_differs_from_the_next(kind, number, seed):
@@ -233,7 +242,7 @@ def test_command_repeats_and_refuses(tmp_path, monkeypatch, capsys):
     for arguments, message in (
         (["--repeat", "gentel:1"], "unknown kind 'gentel'; did you mean 'gentle'?"),
         (["--repeat", "gentle"], "--repeat gentle: expected KIND:NUMBER, for example 'all groups:7'"),
-        (["--plant", "wood"], "unknown plant 'wood' (rod, assembly)"),
+        (["--plant", "wood"], "unknown plant 'wood' (rod, assembly, assembly-mixed, assembly-coarse, assembly-coarse-mixed)"),
     ):
         assert main(["stability", *arguments]) == 2
         assert message in capsys.readouterr().err

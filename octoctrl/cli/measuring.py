@@ -51,7 +51,7 @@ def bench(
 
 def stability(
     runs: Annotated[int, typer.Option("-n", "--runs", help="How many, or a few more.")] = 6000,
-    plant: Annotated[str, typer.Option("--plant", help="rod or assembly.")] = "rod",
+    plant: Annotated[str, typer.Option("--plant", help="rod, assembly or another full arm.")] = "rod",
     seed: Annotated[int, typer.Option("--seed")] = 0,
     outcomes: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE.jsonl", help="Where outcomes are kept.")] = None,
     repeat: Annotated[str | None, typer.Option("--repeat", metavar="KIND:NUMBER", help="One run only, and what it is.")] = None,
@@ -67,7 +67,7 @@ def stability(
     from ..laboratory import studies as laboratory
 
     if repeat is not None:
-        trial, outcome = laboratory.repeat(repeat, seed)
+        trial, outcome = laboratory.repeat(repeat, seed, plant)
         report(f"{trial}\n\n{outcome}", laboratory.written(outcome), as_json)
         return ExitCode.VERDICT_FAILED if outcome.undetected else ExitCode.WELL
     target, progress = outcomes or Path(f"stability-{plant}-{seed}.jsonl"), display(quiet)

@@ -15,7 +15,7 @@ from octoctrl.sim.plants import Plant, make_plant
 from octoctrl.sim.running.recording import Recording
 
 from . import checks
-from .trials import ASSEMBLY_KINDS, Trial
+from .trials import Trial
 
 TOLERANCE = 0.01
 """Distance of the tip from that of a run at half the step, rms over time and over the arm's length, up to which a run is accurate."""
@@ -118,8 +118,8 @@ class _Run:
         from octoctrl.sim.scene.scene import Scene
 
         trial = self.trial
-        if trial.kind in ASSEMBLY_KINDS:
-            return make_plant("assembly")
+        if trial.plant != "rod":
+            return make_plant(trial.plant)
         arm, scene = Arm(**trial.arm), Scene(water=None) if trial.water is None else Scene.free(factor=trial.water)
         plant = Plant(arm, scene)
         if trial.step is not None:
@@ -143,7 +143,7 @@ class _Run:
         complaint = differing or next(filter(None, self._complaints(recording)), None)
         if complaint:
             return found | {"ending": Ending.UNDETECTED, "reason": complaint}
-        if trial.number % COMPARED or trial.kind in ASSEMBLY_KINDS:
+        if trial.number % COMPARED or trial.plant != "rod":
             return found | {"ending": Ending.FINISHED}
         apart = self._apart(recording, self._plant(finer=2))
         if apart < TOLERANCE:
@@ -204,7 +204,7 @@ class _Run:
         yield checks.held(recording)
         yield checks.linked(recording)
         yield checks.voluminous(recording)
-        if trial.stretch == 1.0 and trial.kind not in ASSEMBLY_KINDS:
+        if trial.stretch == 1.0 and trial.plant == "rod":
             yield checks.powered(recording, plant.arm, plant.core.node_mass)
         if trial.kind == "settling":
             yield checks.settled(recording)
@@ -223,7 +223,7 @@ class _Run:
         if complaint:
             return self._facts(recording) | {"ending": Ending.UNDETECTED, "reason": f"kept in the recording of a stopped run: {complaint}"}
         again = None
-        if self.trial.kind not in ASSEMBLY_KINDS:
+        if self.trial.plant == "rod":
             try:
                 self._plant(finer=4).advance(self.trial.activation, self.trial.duration)
                 again = False

@@ -107,7 +107,7 @@ def page(studies: dict[str, list[Outcome]], endurance: tuple[dict[str, float], d
         header = ["| runs | " + " | ".join(ending.value for ending in used) + " | all |", "|---" * (len(used) + 2) + "|"]
         kinds = KINDS if plant == "rod" else ASSEMBLY_KINDS
         parts += [
-            f"## {'The rod' if plant == 'rod' else 'The full arm'}",
+            f"## {'The rod' if plant == 'rod' else f'The full arm, plant {plant}'}",
             "\n".join(header + ["| " + " | ".join(row) + " |" for row in rows]),
             "\n".join(f"* {line}" for line in _numbers(outcomes)),
             "Kinds of runs: " + "; ".join(f"*{name}*: {kind.description}" for name, kind in kinds.items()) + ".",

@@ -21,7 +21,8 @@ from ..tables import plain
 from .endings import Ending, Outcome, perform
 from .trials import ASSEMBLY_KINDS, KINDS, Trial, draw
 
-PLANTS = {"rod": KINDS, "assembly": ASSEMBLY_KINDS}
+PLANTS = {"rod": KINDS, **dict.fromkeys(("assembly", "assembly-mixed", "assembly-coarse", "assembly-coarse-mixed"), ASSEMBLY_KINDS)}
+"""Kinds of trials, by plant."""
 
 
 def schedule(plant: str, runs: int) -> list[tuple[str, int]]:
@@ -29,7 +30,8 @@ def schedule(plant: str, runs: int) -> list[tuple[str, int]]:
 
     Parameters
     ----------
-    plant : {"rod", "assembly"}
+    plant : str
+        One of `PLANTS`.
     runs : int
         At least so many; every kind gets its share of them, rounded up.
     """
@@ -57,7 +59,8 @@ def study(
     path : str or Path
         File of JSON lines; outcomes that it holds already are kept.
     runs : int
-    plant : {"rod", "assembly"}
+    plant : str
+        One of `PLANTS`.
     seed : int
     threads : int, optional
         Runs at the same time; as many as there are cores if omitted. Outcomes do not depend on it.
@@ -80,7 +83,7 @@ def study(
     pool = ThreadPoolExecutor(threads or os.cpu_count())
     try:
         with path.open("a", encoding="utf-8") as file:
-            running = [pool.submit(lambda item: perform(draw(item[0], seed, item[1])), item) for item in missing]
+            running = [pool.submit(lambda item: perform(draw(item[0], seed, item[1], plant)), item) for item in missing]
             for done, future in enumerate(as_completed(running), start=len(planned) - len(missing) + 1):
                 outcome = future.result()
                 known[outcome.kind, outcome.number] = outcome
@@ -196,7 +199,7 @@ def _read(fields: dict[str, Any]) -> Outcome:
     return Outcome(**fields | {"ending": Ending[fields["ending"]]})
 
 
-def repeat(name: str, seed: int = 0) -> tuple[Trial, Outcome]:
+def repeat(name: str, seed: int = 0, plant: str = "rod") -> tuple[Trial, Outcome]:
     """Do one trial again.
 
     Parameters
@@ -204,6 +207,8 @@ def repeat(name: str, seed: int = 0) -> tuple[Trial, Outcome]:
     name : str
         ``KIND:NUMBER``.
     seed : int
+    plant : str
+        One of `PLANTS`; of a kind of the full arm, ``"assembly"`` stands in for the rod.
 
     Raises
     ------
@@ -214,5 +219,6 @@ def repeat(name: str, seed: int = 0) -> tuple[Trial, Outcome]:
     check_choice("kind", kind, (*KINDS, *ASSEMBLY_KINDS))
     if not number.isdigit():
         raise OctoctrlError(f"--repeat {name}: expected KIND:NUMBER, for example 'all groups:7'")
-    trial = draw(kind, seed, int(number))
+    check_choice("plant", plant, PLANTS)
+    trial = draw(kind, seed, int(number), "assembly" if plant == "rod" else plant)
     return trial, perform(trial)

@@ -27,6 +27,8 @@ class Trial:
     ----------
     kind : str
     number : int
+    plant : str
+        By its name in `octoctrl.sim.plants.PLANTS`.
     duration : float, s
     arm : dict
         Fields of `octoctrl.sim.body.arm.Arm` that differ from the octopus arm.
@@ -41,6 +43,7 @@ class Trial:
 
     kind: str
     number: int
+    plant: str = "rod"
     duration: float = 0.5
     arm: dict[str, Any] = field(default_factory=dict)
     water: float | None = 1.0
@@ -58,10 +61,10 @@ class Kind:
     draw: Callable[[Generator, int], dict[str, Any]]
 
 
-def draw(kind: str, seed: int, number: int) -> Trial:
-    """The trial of this `kind`, of `KINDS` or `ASSEMBLY_KINDS`, `seed` and `number`."""
-    known = KINDS | ASSEMBLY_KINDS
-    return Trial(kind=kind, number=number, **known[kind].draw(np.random.default_rng([seed, crc32(kind.encode()), number]), number))
+def draw(kind: str, seed: int, number: int, plant: str = "assembly") -> Trial:
+    """The trial of this `kind`, of `KINDS` or `ASSEMBLY_KINDS`, `seed` and `number`; those of the full arm are of the `plant`."""
+    known, random = KINDS | ASSEMBLY_KINDS, np.random.default_rng([seed, crc32(kind.encode()), number])
+    return Trial(kind=kind, number=number, plant="rod" if kind in KINDS else plant, **known[kind].draw(random, number))
 
 
 def _between(random: Generator, low: float, high: float) -> float:

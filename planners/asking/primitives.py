@@ -27,7 +27,7 @@ LEVEL_BOUNDS, RAMP_BOUNDS, SPEED_BOUNDS = (0.0, 0.75), (0.1, 4.0), (0.01, 0.4)
 """Range in which the planner may choose a level, the duration of a ramp (s) and the speed of a front (m/s)."""
 
 
-def _settle(primitive: "_Ramped | BendWave") -> None:
+def _settle(primitive: "_Ramped | _Fronts") -> None:
     """Check the numbers, as soon as the arm is known; a window may come as a list and is kept as a tuple."""
     if isinstance(primitive.window, list):
         object.__setattr__(primitive, "window", tuple(primitive.window))
@@ -123,12 +123,10 @@ class Elongate(_Ramped):
         return ("TM",)
 
 
-@register_primitive
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BendWave:
-    """Send a bend along the arm: a front on three neighbouring longitudinal muscles, followed by a second front that relaxes them."""
+class _Fronts:
+    """Numbers of every primitive that sends a front along the arm, which a second one follows; a subclass names the muscles in `groups`."""
 
-    side: str = "LM1"
     level: float = 0.3
     speed: float = 0.1
     width: float = 2e-3
@@ -140,10 +138,15 @@ class BendWave:
     def __post_init__(self) -> None:
         _settle(self)
 
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Muscle groups that it contracts."""
+        raise NotImplementedError
+
     def templates(self) -> tuple[Template, ...]:
-        """One wave on the three muscles of the side."""
+        """One wave on the muscles."""
         names = ("level", "speed", "width", "onset", "offset", "end_level", "window")
-        return (Wave(groups=neighbours(self.side), **{name: getattr(self, name) for name in names}),)
+        return (Wave(groups=self.groups, **{name: getattr(self, name) for name in names}),)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Levels keep a quarter of the activation as headroom for feedback."""
@@ -152,3 +155,30 @@ class BendWave:
     def effort(self, seconds: Expression) -> Expression:
         """Squared level times the `seconds` for which it is on."""
         return self.level**2 * seconds
+
+
+@register_primitive
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BendWave(_Fronts):
+    """Send a bend along the arm: a front on three neighbouring longitudinal muscles, followed by a second front that relaxes them."""
+
+    side: str = "LM1"
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The three muscles of the side."""
+        return neighbours(self.side)
+
+
+@register_primitive
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwistWave(_Fronts):
+    """Send twist along the arm: a front on one oblique family, followed by a second front that relaxes it."""
+
+    hand: str
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The family."""
+        check_choice("hand", self.hand, ("R-OM", "L-OM"))
+        return (self.hand,)

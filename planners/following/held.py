@@ -25,7 +25,7 @@ from ..model.output_kernels import LINK, OUTPUTS, TWIST, WRITHE
 from ..model.readings import residual_function, rows_function
 from ..model.reduced import ReducedModel
 
-TOPOLOGY_ERROR, LOOSE = 0.01, 0.03
+TOPOLOGY_ERROR, LOOSE = 0.01, 0.05
 """Error of lifted writhe or twist, turns, that costs as much as a correction: where a goal of the task reads topology, and where none
 does."""
 
@@ -78,8 +78,7 @@ class Held:
         self._model, self._pole = model, task.convention.pole
         self._rows, topological = list[_Row](), False
         for phase, (begin, end) in zip(task.phases, pairwise(edges), strict=True):
-            # What is read on recordings alone, the model cannot hold.
-            for goal in (goal for goal in phase.goals if not getattr(goal, "simulated", False)):
+            for goal in (goal for goal in phase.goals if getattr(goal, "steered", True)):
                 function = rows_function(partial(_numbers, goal), model.arm, model.sections)
                 if _is_topology(function):
                     topological = True

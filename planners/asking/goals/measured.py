@@ -34,6 +34,8 @@ class MeasuredGoal:
 
     quantity: ClassVar[str]
     unit: ClassVar[str]
+    steered: ClassVar[bool] = True
+    """Whether feedback holds it, by its slopes on the reduced model."""
     tolerance: float
     when: When = When.END
     hold: float = 0.0

@@ -23,6 +23,7 @@ class PacketGoal(ScalarGoal):
 
     quantity: ClassVar[str] = "packet"
     unit: ClassVar[str] = "m"
+    steered: ClassVar[bool] = False  # a fourth power is no more linear than the way of one correction
     tolerance: float = 0.008
 
     def read(self, outputs: Outputs) -> Expression:

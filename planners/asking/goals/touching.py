@@ -26,6 +26,7 @@ class TouchingGoal(ScalarGoal):
     """
 
     simulated: ClassVar[bool] = True
+    steered: ClassVar[bool] = False  # the model, on which feedback is designed, knows nothing of it
     enough: ClassVar[float] = 0.15
     """Price that needs no bettering."""
     object: str
