@@ -6,14 +6,14 @@ many helix elements show how well steep helices are resolved. The pitch is const
 tip: its values are drawn against the angle at the base and against the mean along the arm.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians, tan, tau
 from pathlib import Path
 
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.body.anatomy import Anatomy
+from octoctrl.sim.body.anatomy import OCTOPUS
 from octoctrl.sim.body.arm import Arm, oblique_angle
 from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import PlantUnstableError
@@ -36,7 +36,7 @@ class WoundArm(Arm):
     @property
     def anatomy(self):
         """The octopus arm's, on coarse rings and with so many helix nodes per ring."""
-        return Anatomy(grid=AssemblyGrid(rings=180, ring_nodes=8, helix_nodes=self.helix_nodes, between=True))
+        return replace(OCTOPUS, grid=AssemblyGrid(rings=180, ring_nodes=8, helix_nodes=self.helix_nodes, between=True))
 
 
 def pitch(taper, angle):

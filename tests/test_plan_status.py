@@ -106,7 +106,7 @@ def test_a_plan_knows_its_arm():
     plan = plan_of(Motion())
     plan.check_arm(replace(plan.arm, elements=60, name="other"))
     assert plan.scene == plan.model.scene
-    others = [Arm(length=length) for length in (0.21, 0.22, 0.23, 0.24, 0.25)]
+    others = [Arm(length=length) for length in (0.15, 0.16, 0.17, 0.18, 0.19, 0.21, 0.22, 0.23, 0.24, 0.25)]
     assert {other.fingerprint > plan.arm.fingerprint for other in others} == {True, False}
     for other in others:
         with pytest.raises(OctoctrlError, match="re-plan or pass"):

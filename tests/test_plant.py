@@ -7,11 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from octoctrl import tasks
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, REST_FRAME, Arm, LumpedSection
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import Plant
 from octoctrl.sim.rod.layout import Row
+from octoctrl.sim.rotations import rotation_vector
 from octoctrl.sim.running.clock import CHUNK
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.topology.measures import measure
@@ -268,6 +270,41 @@ def test_error_of_the_elements_is_small_and_falls(coiled):
 def test_default_resolution_is_within_one_percent_of_the_converged_tip(coiled, reference):
     largest, typical, last = tip_error(coiled, reference)
     assert largest < 0.01 and typical < 0.004 and last < 0.002
+
+
+# Reaching: a front that is thinner than an element stiffens it little by little, and the bend is not pushed on.
+
+
+def travelling_bend(recording, width=0.03):
+    """Middle of the stretch of `width` (m) that turns most: arclength (T,) and point (T, 3)."""
+    nodes = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(recording.points[0], axis=0), axis=1))])
+    turns = rotation_vector(recording.frames[:, 1:] @ np.swapaxes(recording.frames[:, :-1], 2, 3))[..., :2]
+    turned = np.cumsum(np.linalg.norm(turns, axis=2), axis=1)
+    middles = np.arange(width / 2, LENGTH - 0.02, 1e-3)
+    inside = np.array([np.interp(middles + width / 2, nodes, row) - np.interp(middles - width / 2, nodes, row) for row in turned])
+    place = middles[np.argmax(inside, axis=1)]
+    return place, np.array([[np.interp(s, nodes, axis) for axis in points.T] for s, points in zip(place, recording.points, strict=True)])
+
+
+def test_reaching_carries_the_bend_to_the_tip():
+    """The published programme of Fig 3a with its light drag: the bend leaves its place as on the full arm, 30 cm/s within a third."""
+    programme = tasks.programme("fig3a")
+
+    def travel(arm):
+        recording = run(programme.activation, 3.8, scene=programme.scene, arm=arm)
+        assert np.abs(recording.points[..., 2]).max() < 2e-4
+        place, point = travelling_bend(recording)
+        return recording.time, place, point
+
+    time, place, point = travel(Arm.octopus(elements=240, grading=0.0))
+    assert np.abs(place[(time > 2.5) & (time < 3.1)] - 0.085).max() < 0.005
+    late = time > 3.4
+    left, arrived = (int(np.argmax(late & (place > mark))) for mark in (0.1, 0.175))
+    assert 3.45 < time[left] < time[arrived] < 3.75
+    assert np.linalg.norm(point[arrived] - point[left]) / (time[arrived] - time[left]) == pytest.approx(0.3, rel=0.3)
+    # Elements of 10 mm at the base, half of a front's way in 50 ms: the bend is still there when it should have gone.
+    time, place, _ = travel(Arm.octopus())
+    assert np.interp(time[left] + 0.05, time, place) < 0.09
 
 
 # Settling: chatter of the force-velocity law would stay as noise of the grid's scale.

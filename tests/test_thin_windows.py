@@ -55,4 +55,4 @@ def test_length_and_coil_are_planned_with_windows_that_end_there(identified):
     coil = oc.tasks.load("coil").task
     first = coil.drives[0]
     drives = (replace(first, primitive=replace(first.primitive, window=(0.0, 0.19))), *coil.drives[1:])
-    assert planner.plan(replace(coil, drives=drives), identified, time_limit=600.0).status is PlanStatus.SOLVED
+    assert planner.plan(replace(coil, drives=drives), identified, time_limit=600.0).status.solved
