@@ -11,7 +11,8 @@ from octoctrl.sim.contact.body_kernels import drift_bodies, kick_bodies, straigh
 from octoctrl.sim.contact.columns import Anchor, Body
 from octoctrl.sim.contact.markers import Pairs, markers_of
 from octoctrl.sim.contact.measures import gaps
-from octoctrl.sim.contact.pair_kernels import find_pairs, meet
+from octoctrl.sim.contact.near_kernels import find_pairs
+from octoctrl.sim.contact.pair_kernels import meet
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.contact.world import Points, World
 from octoctrl.sim.errors import OctoctrlError
@@ -35,7 +36,8 @@ def go(world, h, steps):
     for step in range(steps):
         if step % 10 == 0:
             find_pairs(world, 10 * h)
-            straighten(world.bodies)
+            for j in range(world.bodies.shape[0]):
+                straighten(world.bodies[j])
         kick_bodies(world.bodies, h)
         meet(world, h)
         drift_bodies(world.bodies, h if step + 1 < steps else 0.5 * h)

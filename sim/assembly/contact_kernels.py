@@ -12,10 +12,10 @@ import numpy as np
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from ..contact.columns import Anchor, Body
+from ..contact.friction_kernels import apart, stays_apart
 from ..contact.friction_kernels import follow as follow_point
 from ..contact.friction_kernels import touch as touch_point
-from ..contact.near_kernels import NEAR, find_near
-from ..contact.pair_kernels import find_pairs
+from ..contact.near_kernels import look
 from ..contact.shape_kernels import distance
 from .family_kernels import family_offsets
 
@@ -37,18 +37,18 @@ def contact_kernels(grid: AssemblyGrid) -> Any:
     X1, X2, X3, V1, V2, V3, LOW1, LOW2, LOW3 = (o[f"{field}{i}"] for field in ("X", "V", "LOW") for i in (1, 2, 3))
     MOBILITY = o["NODE_MOBILITY"]
 
-    @kernel
+    @kernel(_nrt=False)
     def place(b: Any, k: Any) -> Any:
         x1, x2, x3 = np.float64(b[X1 + k]), np.float64(b[X2 + k]), np.float64(b[X3 + k])
         if single:
             x1, x2, x3 = x1 + b[LOW1 + k], x2 + b[LOW2 + k], x3 + b[LOW3 + k]
         return x1, x2, x3
 
-    @kernel
+    @kernel(_nrt=False)
     def velocity(b: Any, k: Any) -> Any:
         return np.float64(b[V1 + k]), np.float64(b[V2 + k]), np.float64(b[V3 + k])
 
-    @kernel
+    @kernel(_nrt=False)
     def watch(b: Any, world: Any, span: Any) -> None:
         points, places, fastest = world.points, world.places, 0.0
         for p in range(len(points.place)):
@@ -57,28 +57,36 @@ def contact_kernels(grid: AssemblyGrid) -> Any:
             fastest = max(fastest, v1 * v1 + v2 * v2 + v3 * v3)
             places[0, p], places[1, p], places[2, p] = place(b, k)
             places[3, p] = points.radius[p]
-        find_near(world, np.sqrt(fastest), span)
-        find_pairs(world, span)
+        look(world, np.sqrt(fastest), span)
 
-    @kernel
+    @kernel(_nrt=False)
     def touch(b: Any, world: Any, h: Any) -> None:
-        points = world.points
+        points, rate = world.points, 1.0 / h
         for j in range(world.bodies.shape[0]):
             count = world.counts[j]
             if count == 0:
                 continue
             body, anchors, near, meetings = world.bodies[j], world.anchors[j], world.near[j], world.meetings[j]
+            slack, closing = world.slack[j], h * world.paces[j]
             for i in range(count):
+                slack[i] -= closing
+                if slack[i] > 0:
+                    continue
                 p = near[i]
                 k = points.place[p]
                 x1, x2, x3 = place(b, k)
                 gap, n1, n2, n3 = distance(body, x1, x2, x3)
                 gap -= points.radius[p]
-                mobility = np.float64(b[MOBILITY + k]) / h
-                if (gap > NEAR and anchors[p, NORMAL] == 0.0) or mobility == 0.0:
+                v1, v2, v3 = velocity(b, k)
+                if stays_apart(body, gap, n1, n2, n3, x1, x2, x3, v1, v2, v3, h):
+                    slack[i] = gap
+                    if anchors[p, NORMAL] > 0:
+                        apart(anchors, p)
+                    continue
+                mobility = np.float64(b[MOBILITY + k]) * rate
+                if mobility == 0.0:  # held
                     continue
                 meetings[i, 0], meetings[i, 1], meetings[i, 2] = n1, n2, n3
-                v1, v2, v3 = velocity(b, k)
                 stiffness = body[STIFFNESS] * points.length[p]
                 p1, p2, p3 = touch_point(
                     body, anchors, p, gap, n1, n2, n3, x1, x2, x3, v1, v2, v3, mobility, mobility, stiffness, h
@@ -87,7 +95,7 @@ def contact_kernels(grid: AssemblyGrid) -> Any:
                 b[V2 + k] += mobility * p2
                 b[V3 + k] += mobility * p3
 
-    @kernel
+    @kernel(_nrt=False)
     def follow(b: Any, world: Any, h: Any) -> None:
         points = world.points
         for j in range(world.bodies.shape[0]):

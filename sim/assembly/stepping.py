@@ -11,7 +11,8 @@ import numpy as np
 
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
-from ..contact.body_kernels import drift_bodies
+from ..contact.body_kernels import any_moves, drift_bodies
+from ..contact.near_kernels import MOVES
 from ..contact.note_kernels import note
 from .contact_kernels import LOOK, contact_kernels
 from .family_kernels import family_kernels, family_offsets, position_kernels
@@ -222,7 +223,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, t
             set_levels(b, part, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
             set_levels(b, part, AFTER, RING_AFTER, longitudinal[sample + 1], oblique[sample + 1], transverse[sample + 1])
             move(b, part, 0.5 * h)
-            if touching and crew.number == 0:
+            if touching and crew.number == 0 and any_moves(world.bodies):
                 drift_bodies(world.bodies, np.float64(0.5 * h))
             for number in range(steps):
                 if loaded or touching:
@@ -235,7 +236,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, t
                 if touching:
                     meet(crew)
                 move(b, part, h if number + 1 < steps else 0.5 * h)
-                if touching and crew.number == 0:
+                if touching and crew.number == 0 and world.seen[MOVES]:
                     drift_bodies(world.bodies, np.float64(h if number + 1 < steps else 0.5 * h))
                 if watch:
                     finding, family, where = worst_of(b, crew)

@@ -18,6 +18,7 @@ from ..body.anatomy import Traits
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from ..contact.body_kernels import kick_bodies
+from ..contact.near_kernels import CLOSE, MEETING, MOVES
 from ..contact.pair_kernels import meet
 from .between_kernels import between_kernels
 from .contact_kernels import contact_kernels
@@ -283,13 +284,18 @@ def _touched(grid: AssemblyGrid, touching: bool) -> tuple[Terms, Terms]:
 
     @kernel
     def touch(b: Any, share: Any, step: Any) -> None:
-        kick_bodies(step.world.bodies, np.float64(step.h))
-        exchange(b, step.world, np.float64(step.h))
-        meet(step.world, np.float64(step.h))
+        world, h = step.world, np.float64(step.h)
+        if world.seen[MOVES]:
+            kick_bodies(world.bodies, h)
+        if world.seen[CLOSE]:
+            exchange(b, world, h)
+        if world.seen[MEETING]:
+            meet(world, h)
 
     @kernel
     def follow(b: Any, share: Any, step: Any) -> None:
-        go_along(b, step.world, np.float64(step.h))
+        if step.world.seen[CLOSE]:
+            go_along(b, step.world, np.float64(step.h))
 
     return {"touch": on_its_own(touch)}, {"follow": on_its_own(follow)}
 

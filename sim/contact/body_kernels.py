@@ -14,7 +14,7 @@ INVERSE_MASS, INVERSE_INERTIA, DAMPING = (int(c) for c in (Body.INVERSE_MASS, Bo
 SPRING, HOME, HOME_AXIS, PUSH, MOVING = (int(c) for c in (Body.SPRING, Body.HOME, Body.HOME_AXIS, Body.PUSH, Body.MOVING))
 
 
-@kernel
+@kernel(_nrt=False)
 def turned(body, l1, l2, l3):
     """Spin that an angular momentum gives the body."""
     a = (l1 * body[FRAME] + l2 * body[FRAME + 1] + l3 * body[FRAME + 2]) * body[INVERSE_INERTIA]
@@ -27,7 +27,7 @@ def turned(body, l1, l2, l3):
     )
 
 
-@kernel
+@kernel(_nrt=False)
 def spin_of(body):
     """Spin of a body: its own, or the one it is given."""
     if body[INVERSE_MASS] > 0:
@@ -35,7 +35,7 @@ def spin_of(body):
     return body[SPIN], body[SPIN + 1], body[SPIN + 2]
 
 
-@kernel
+@kernel(_nrt=False)
 def rotate(body, u1, u2, u3):
     """Turn the frame by the rotation vector u, in the laboratory frame."""
     square = u1 * u1 + u2 * u2 + u3 * u3
@@ -50,7 +50,16 @@ def rotate(body, u1, u2, u3):
         body[k + 2] = d3 + sine * c3 + cosine * (u1 * c2 - u2 * c1)
 
 
-@kernel
+@kernel(_nrt=False)
+def any_moves(bodies):
+    """Whether any body can go anywhere."""
+    for j in range(bodies.shape[0]):
+        if bodies[j, MOVING] > 0:
+            return True
+    return False
+
+
+@kernel(_nrt=False)
 def drift_bodies(bodies, h):
     """Move and turn all bodies for a time h."""
     for j in range(bodies.shape[0]):
@@ -74,27 +83,23 @@ def drift_bodies(bodies, h):
         rotate(body, h * w1, h * w2, h * w3)
 
 
-@kernel
-def straighten(bodies):
-    """Make the frames orthonormal again, to first order of what rounding and series have left: once a sample."""
-    for j in range(bodies.shape[0]):
-        if bodies[j, MOVING] == 0.0:
-            continue
-        body = bodies[j]
-        for _ in range(2):
-            for row in range(3):
-                k = FRAME + 3 * row
-                p, q = FRAME + 3 * ((row + 1) % 3), FRAME + 3 * ((row + 2) % 3)
-                # Half-way between a director and the cross product of the other two.
-                c1 = body[p + 1] * body[q + 2] - body[p + 2] * body[q + 1]
-                c2 = body[p + 2] * body[q] - body[p] * body[q + 2]
-                c3 = body[p] * body[q + 1] - body[p + 1] * body[q]
-                m1, m2, m3 = body[k] + c1, body[k + 1] + c2, body[k + 2] + c3
-                size = np.sqrt(m1 * m1 + m2 * m2 + m3 * m3)
-                body[k], body[k + 1], body[k + 2] = m1 / size, m2 / size, m3 / size
+@kernel(_nrt=False)
+def straighten(body):
+    """Make a frame orthonormal again, to first order of what rounding and series have left: once a sample."""
+    for _ in range(2):
+        for row in range(3):
+            k = FRAME + 3 * row
+            p, q = FRAME + 3 * ((row + 1) % 3), FRAME + 3 * ((row + 2) % 3)
+            # Half-way between a director and the cross product of the other two.
+            c1 = body[p + 1] * body[q + 2] - body[p + 2] * body[q + 1]
+            c2 = body[p + 2] * body[q] - body[p] * body[q + 2]
+            c3 = body[p] * body[q + 1] - body[p + 1] * body[q]
+            m1, m2, m3 = body[k] + c1, body[k + 1] + c2, body[k + 2] + c3
+            size = np.sqrt(m1 * m1 + m2 * m2 + m3 * m3)
+            body[k], body[k + 1], body[k + 2] = m1 / size, m2 / size, m3 / size
 
 
-@kernel
+@kernel(_nrt=False)
 def kick_bodies(bodies, h):
     """Springs, pushes and damping over one step; springs of position are implicit, damping is exact."""
     for j in range(bodies.shape[0]):

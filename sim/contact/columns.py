@@ -40,6 +40,18 @@ class Body(IntEnum):
     WIDTH = 58
 
 
+class Note(IntEnum):
+    """Columns of what is kept of a body at the end of a sample."""
+
+    POSITION = 0  # 3
+    FRAME = 3  # 9
+    VELOCITY = 12  # 3
+    FORCE, COUPLE = 15, 18  # 3 and 3, from the arm, means of the sample
+    NORMAL, DEEPEST, LOADED = 21, 22, 23  # mean sum of normal forces, deepest overlap, mean number of points
+    SLIPPED = 24
+    WIDTH = 25
+
+
 class Anchor(IntEnum):
     """Columns of a pair."""
 

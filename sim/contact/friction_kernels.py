@@ -21,7 +21,7 @@ from .body_kernels import spin_of, turned
 from .columns import Anchor, Body
 
 POSITION, VELOCITY, MOMENTUM, INVERSE_MASS = (int(c) for c in (Body.POSITION, Body.VELOCITY, Body.MOMENTUM, Body.INVERSE_MASS))
-STATIC, KINETIC, IMPULSE, COUPLE = (int(c) for c in (Body.STATIC, Body.KINETIC, Body.IMPULSE, Body.COUPLE))
+STATIC, KINETIC, IMPULSE, COUPLE, MOVING = (int(c) for c in (Body.STATIC, Body.KINETIC, Body.IMPULSE, Body.COUPLE, Body.MOVING))
 SUM, DEEPEST, LOADED, SLIPPED = (int(c) for c in (Body.NORMAL, Body.DEEPEST, Body.LOADED, Body.SLIPPED))
 STRETCH, SLIDING, SLIP, NORMAL = (int(c) for c in (Anchor.STRETCH, Anchor.SLIDING, Anchor.SLIP, Anchor.NORMAL))
 
@@ -32,7 +32,7 @@ ZETA = 1.0
 TINY = 1e-300
 
 
-@kernel
+@kernel(_nrt=False)
 def apart(anchors, p):
     """Forget a touch, but for the path slid."""
     for i in range(6):
@@ -40,9 +40,11 @@ def apart(anchors, p):
             anchors[p, i] = 0.0
 
 
-@kernel
+@kernel(_nrt=False)
 def relative(body, b1, b2, b3, v1, v2, v3):
     """Velocity of the arm's surface less that of the body at the lever b from its centre."""
+    if body[MOVING] == 0.0:
+        return v1, v2, v3
     w1, w2, w3 = spin_of(body)
     return (
         v1 - body[VELOCITY] - (w2 * b3 - w3 * b2),
@@ -51,7 +53,7 @@ def relative(body, b1, b2, b3, v1, v2, v3):
     )
 
 
-@kernel
+@kernel(_nrt=False)
 def mobility_along(body, b1, b2, b3, e1, e2, e3):
     """Velocity of the body's point at lever b along e after a unit impulse along e."""
     if body[INVERSE_MASS] == 0.0:
@@ -61,7 +63,16 @@ def mobility_along(body, b1, b2, b3, e1, e2, e3):
     return body[INVERSE_MASS] + l1 * w1 + l2 * w2 + l3 * w3
 
 
-@kernel
+@kernel(_nrt=False)
+def stays_apart(body, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
+    """Whether there is a gap that the velocities do not close within the step: then no impulse follows."""
+    if gap < 0:
+        return False
+    v1, v2, v3 = relative(body, c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2], v1, v2, v3)
+    return gap + h * (v1 * n1 + v2 * n2 + v3 * n3) >= 0
+
+
+@kernel(_nrt=False)
 def impulse(body, anchors, point, gap, n1, n2, n3, b1, b2, b3, v1, v2, v3, arm_normal, arm_tangent, crowd, stiffness, h):
     """Normal impulse and its sum with friction, at the lever b of the body, past which the other surface moves with v.
 
@@ -80,19 +91,22 @@ def impulse(body, anchors, point, gap, n1, n2, n3, b1, b2, b3, v1, v2, v3, arm_n
     out = s1 * n1 + s2 * n2 + s3 * n3
     s1, s2, s3 = s1 - out * n1, s2 - out * n2, s3 - out * n3
     tangential = TANGENTIAL * stiffness
-    e1, e2, e3 = s1 + h * t1, s2 + h * t2, s3 + h * t3
-    size = np.sqrt(e1 * e1 + e2 * e2 + e3 * e3) + TINY
-    w = crowd * (arm_tangent + mobility_along(body, b1, b2, b3, e1 / size, e2 / size, e3 / size))
+    w = arm_tangent
+    if body[INVERSE_MASS] > 0:
+        e1, e2, e3 = s1 + h * t1, s2 + h * t2, s3 + h * t3
+        size = np.sqrt(e1 * e1 + e2 * e2 + e3 * e3) + TINY
+        w += mobility_along(body, b1, b2, b3, e1 / size, e2 / size, e3 / size)
+    w *= crowd
     b = h * (h * tangential + 2 * ZETA * np.sqrt(tangential / w))
     share = 1 / (1 + b * w)
     q1 = -(h * tangential * s1 + b * t1) * share
     q2 = -(h * tangential * s2 + b * t2) * share
     q3 = -(h * tangential * s3 + b * t3) * share
-    size = np.sqrt(q1 * q1 + q2 * q2 + q3 * q3)
-    if size > (body[KINETIC] if anchors[point, SLIDING] > 0 else body[STATIC]) * p:
-        shorter = body[KINETIC] * p / size
+    square, limit = q1 * q1 + q2 * q2 + q3 * q3, p * (body[KINETIC] if anchors[point, SLIDING] > 0 else body[STATIC])
+    if square > limit * limit:
+        shorter, give = body[KINETIC] * p / np.sqrt(square), -1 / (h * tangential)
         q1, q2, q3 = shorter * q1, shorter * q2, shorter * q3
-        s1, s2, s3 = -q1 / (h * tangential), -q2 / (h * tangential), -q3 / (h * tangential)
+        s1, s2, s3 = give * q1, give * q2, give * q3
         anchors[point, SLIDING] = 1.0
     else:
         anchors[point, SLIDING] = 0.0
@@ -101,7 +115,7 @@ def impulse(body, anchors, point, gap, n1, n2, n3, b1, b2, b3, v1, v2, v3, arm_n
     return p, p * n1 + q1, p * n2 + q2, p * n3 + q3
 
 
-@kernel
+@kernel(_nrt=False)
 def push(body, p1, p2, p3, l1, l2, l3):
     """Give a body the impulse p and the angular momentum l about its centre."""
     mobility = body[INVERSE_MASS]
@@ -114,7 +128,7 @@ def push(body, p1, p2, p3, l1, l2, l3):
         body[MOMENTUM + 2] += l3
 
 
-@kernel
+@kernel(_nrt=False)
 def touch(body, anchors, point, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm_tangent, stiffness, h):
     """Impulse on the arm at the place c, where its surface moves with v; the body receives the opposite, and keeps account of it."""
     b1, b2, b3 = c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2]
@@ -137,14 +151,14 @@ def touch(body, anchors, point, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_nor
     return p1, p2, p3
 
 
-@kernel
+@kernel(_nrt=False)
 def follow(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
     """Move the anchor of a point of the arm; the body's row keeps the longest path slid."""
     move_anchor(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h)
     body[SLIPPED] = max(body[SLIPPED], anchors[point, SLIP])
 
 
-@kernel
+@kernel(_nrt=False)
 def move_anchor(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
     """At the end of the step an anchor that holds is stretched by the motion that really takes place; one that slides counts its path."""
     v1, v2, v3 = relative(body, c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2], v1, v2, v3)

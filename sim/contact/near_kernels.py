@@ -5,23 +5,30 @@ from typing import Any
 import numpy as np
 
 from ..compiler import kernel
-from .columns import Body
+from .body_kernels import any_moves
+from .columns import Anchor, Body
 from .shape_kernels import distance
 
 POSITION, VELOCITY, BOUND = int(Body.POSITION), int(Body.VELOCITY), int(Body.BOUND)
-NEAR = 0.5e-3
-"""Gap (m) up to which the law is asked; above it nothing acts unless a force did in the step before."""
+NORMAL = int(Anchor.NORMAL)
+MOVES, CLOSE, MEETING = range(3)
+"""Places in a world's `seen`: whether any body goes anywhere, is near the arm, or near another body."""
 LEAST_MARGIN = 1e-3
 """Gap (m) within which a pair is watched, at least."""
+HASTE = 0.1
+"""Speed (m/s) that a point may gain until one looks again, beside twice what it has; a gap too wide for it is not measured."""
 SWELLING = 1.05
 """By how much a radius may grow meanwhile."""
 
 
-@kernel
-def find_near(world: Any, fastest: float, span: float) -> None:
-    """List the points, at their `places`, that may meet each body within a time `span` (s); `fastest` (m/s) is the quickest of them."""
+@kernel(_nrt=False)
+def find_near(world: Any, fastest: float, span: float) -> bool:
+    """List the points, at their `places`, that may meet each body within a time `span` (s); `fastest` (m/s) is the quickest of them.
+
+    Returns whether there are any.
+    """
     bodies, places = world.bodies, world.places
-    count, widest = places.shape[1], 0.0
+    count, widest, close = places.shape[1], 0.0, False
     low1, low2, low3, high1, high2, high3 = np.inf, np.inf, np.inf, -np.inf, -np.inf, -np.inf
     for p in range(count):
         x1, x2, x3 = places[0, p], places[1, p], places[2, p]
@@ -38,14 +45,43 @@ def find_near(world: Any, fastest: float, span: float) -> None:
         if not (low1 - reach < y1 < high1 + reach and low2 - reach < y2 < high2 + reach and low3 - reach < y3 < high3 + reach):
             if reach < np.inf:
                 continue
-        body, near, found = bodies[j], world.near[j], 0
+        body, near, slack, found = bodies[j], world.near[j], world.slack[j], 0
+        world.paces[j] = 2 * (fastest + quickest) + HASTE
         for p in range(count):
             x1, x2, x3 = places[0, p], places[1, p], places[2, p]
             within = SWELLING * places[3, p] + margin
             reach = body[BOUND] + within
             if (x1 - y1) ** 2 + (x2 - y2) ** 2 + (x3 - y3) ** 2 > reach * reach:
                 continue
-            if distance(body, x1, x2, x3)[0] < within:
-                near[found] = p
+            gap = distance(body, x1, x2, x3)[0]
+            if gap < within:
+                # What touched is asked in any case.
+                near[found], slack[found] = p, 0.0 if world.anchors[j, p, NORMAL] > 0 else gap - places[3, p]
                 found += 1
         world.counts[j] = found
+        close = close or found > 0
+    return close
+
+
+@kernel(_nrt=False)
+def find_pairs(world: Any, span: float) -> bool:
+    """Mark the pairs of bodies that may meet within a time `span` (s); returns whether there are any."""
+    bodies, pairs, close = world.bodies, world.pairs, False
+    for k in range(pairs.pairs.shape[0]):
+        a, b = bodies[pairs.pairs[k, 0]], bodies[pairs.pairs[k, 1]]
+        apart, speed = 0.0, 0.0
+        for i in range(3):
+            apart += (a[POSITION + i] - b[POSITION + i]) ** 2
+            speed += (a[VELOCITY + i] - b[VELOCITY + i]) ** 2
+        reach = a[BOUND] + b[BOUND] + max(LEAST_MARGIN, 2 * span * np.sqrt(speed))
+        pairs.near[k] = 0 if apart > reach * reach else 1
+        close = close or pairs.near[k] == 1
+    return close
+
+
+@kernel(_nrt=False)
+def look(world: Any, fastest: float, span: float) -> None:
+    """Look what may meet within a time `span` (s), of an arm whose points are at their `places` and none quicker than `fastest` (m/s)."""
+    world.seen[MOVES] = any_moves(world.bodies)
+    world.seen[CLOSE] = find_near(world, fastest, span)
+    world.seen[MEETING] = find_pairs(world, span)

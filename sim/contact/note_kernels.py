@@ -2,21 +2,33 @@
 
 from ..compiler import kernel
 from .body_kernels import straighten
-from .columns import Body
+from .columns import Body, Note
 from .world import World
 
-IMPULSE, NORMAL, LOADED = int(Body.IMPULSE), int(Body.NORMAL), int(Body.LOADED)
+MOVING, POSITION, IMPULSE, NORMAL, DEEPEST, LOADED, SLIPPED = (
+    int(c) for c in (Body.MOVING, Body.POSITION, Body.IMPULSE, Body.NORMAL, Body.DEEPEST, Body.LOADED, Body.SLIPPED)
+)
+FORCE, NOTED_NORMAL, NOTED_DEEPEST, NOTED_LOADED, NOTED_SLIPPED = (
+    int(c) for c in (Note.FORCE, Note.NORMAL, Note.DEEPEST, Note.LOADED, Note.SLIPPED)
+)
+PLACED = int(Body.MOMENTUM - Body.POSITION)
+"""Columns of position, frame and velocity, side by side in a body's row and in a note."""
 
 
-@kernel
+@kernel(_nrt=False)
 def note(world: World, sample: int, h: float, steps: int) -> None:
     """Copy the bodies, with means over the sample in place of sums, and clear the sums."""
-    straighten(world.bodies)
-    for j in range(world.bodies.shape[0]):
-        for i in range(world.bodies.shape[1]):
-            world.notes[sample, j, i] = world.bodies[j, i]
-        for i in range(IMPULSE, NORMAL + 1):
-            world.notes[sample, j, i] /= h * steps
-        world.notes[sample, j, LOADED] /= steps
-        for i in range(IMPULSE, LOADED + 1):
-            world.bodies[j, i] = 0.0
+    bodies, notes = world.bodies, world.notes
+    for j in range(bodies.shape[0]):
+        if bodies[j, MOVING] > 0:
+            straighten(bodies[j])
+        for i in range(PLACED):
+            notes[sample, j, i] = bodies[j, POSITION + i]
+        if bodies[j, LOADED] > 0:
+            for i in range(7):
+                notes[sample, j, FORCE + i] = bodies[j, IMPULSE + i] / (h * steps)
+            notes[sample, j, NOTED_DEEPEST] = bodies[j, DEEPEST]
+            notes[sample, j, NOTED_LOADED] = bodies[j, LOADED] / steps
+            for i in range(IMPULSE, LOADED + 1):
+                bodies[j, i] = 0.0
+        notes[sample, j, NOTED_SLIPPED] = bodies[j, SLIPPED]

@@ -7,35 +7,20 @@ body that lies on many of them.
 
 from typing import Any
 
-import numpy as np
-
 from ..compiler import kernel
 from .body_kernels import spin_of
 from .columns import Anchor, Body
 from .friction_kernels import impulse, mobility_along, move_anchor, push, relative
-from .near_kernels import LEAST_MARGIN, NEAR
 from .shape_kernels import distance
 
 POSITION, FRAME, VELOCITY, MOMENTUM = (int(c) for c in (Body.POSITION, Body.FRAME, Body.VELOCITY, Body.MOMENTUM))
-INVERSE_MASS, INVERSE_INERTIA, BOUND, STIFFNESS = (int(c) for c in (Body.INVERSE_MASS, Body.INVERSE_INERTIA, Body.BOUND, Body.STIFFNESS))
+INVERSE_MASS, INVERSE_INERTIA, STIFFNESS = (int(c) for c in (Body.INVERSE_MASS, Body.INVERSE_INERTIA, Body.STIFFNESS))
 NORMAL = int(Anchor.NORMAL)
+NEAR = 0.5e-3
+"""Gap (m) up to which the law is asked; above it nothing acts unless a force did in the step before."""
 
 
-@kernel
-def find_pairs(world: Any, span: float) -> None:
-    """Mark the pairs of bodies that may meet within a time `span` (s)."""
-    bodies, pairs = world.bodies, world.pairs
-    for k in range(pairs.pairs.shape[0]):
-        a, b = bodies[pairs.pairs[k, 0]], bodies[pairs.pairs[k, 1]]
-        apart, speed = 0.0, 0.0
-        for i in range(3):
-            apart += (a[POSITION + i] - b[POSITION + i]) ** 2
-            speed += (a[VELOCITY + i] - b[VELOCITY + i]) ** 2
-        reach = a[BOUND] + b[BOUND] + max(LEAST_MARGIN, 2 * span * np.sqrt(speed))
-        pairs.near[k] = 0 if apart > reach * reach else 1
-
-
-@kernel
+@kernel(_nrt=False)
 def point_on(body: Any, marker: Any) -> Any:
     """Where a body's point is."""
     m1, m2, m3 = marker[0], marker[1], marker[2]
@@ -46,7 +31,7 @@ def point_on(body: Any, marker: Any) -> Any:
     )
 
 
-@kernel
+@kernel(_nrt=False)
 def meeting(body: Any, other: Any, marker: Any) -> Any:
     """Gap, normal, and where the two meet, from the centre of the `body` whose point it is."""
     x1, x2, x3 = point_on(body, marker)
@@ -56,7 +41,7 @@ def meeting(body: Any, other: Any, marker: Any) -> Any:
     return gap, n1, n2, n3, x1 - out * n1 - body[POSITION], x2 - out * n2 - body[POSITION + 1], x3 - out * n3 - body[POSITION + 2]
 
 
-@kernel
+@kernel(_nrt=False)
 def velocity_at(body: Any, b1: float, b2: float, b3: float) -> Any:
     """Velocity of a body at the lever b from its centre."""
     w1, w2, w3 = spin_of(body)
@@ -67,7 +52,7 @@ def velocity_at(body: Any, b1: float, b2: float, b3: float) -> Any:
     )
 
 
-@kernel
+@kernel(_nrt=False)
 def approach(body: Any, other: Any, b1: float, b2: float, b3: float) -> Any:
     """Lever from the centre of the other, and velocity past it, of the place at the lever b of the `body`."""
     a1, a2, a3 = (
@@ -80,7 +65,7 @@ def approach(body: Any, other: Any, b1: float, b2: float, b3: float) -> Any:
     return a1, a2, a3, v1, v2, v3
 
 
-@kernel
+@kernel(_nrt=False)
 def crowd_of(body: Any, other: Any, anchors: Any, pairs: Any, first: int, last: int, h: float) -> float:
     """How many points of a pair touch, or would by the end of the step: they share the bodies between them."""
     count = 0.0
@@ -94,7 +79,7 @@ def crowd_of(body: Any, other: Any, anchors: Any, pairs: Any, first: int, last: 
     return max(count, 1.0)
 
 
-@kernel
+@kernel(_nrt=False)
 def meet(world: Any, h: float) -> None:
     """Exchange impulses between all bodies that touch, and move their anchors."""
     bodies, pairs = world.bodies, world.pairs

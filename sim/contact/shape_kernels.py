@@ -15,7 +15,7 @@ SHAPE, SIZE, POSITION, FRAME = (int(column) for column in (Body.SHAPE, Body.SIZE
 TINY = 1e-300
 
 
-@kernel
+@kernel(_nrt=False)
 def distance(body, x1, x2, x3):
     """Gap and normal of the point x."""
     y1, y2, y3 = x1 - body[POSITION], x2 - body[POSITION + 1], x3 - body[POSITION + 2]
@@ -42,16 +42,17 @@ def distance(body, x1, x2, x3):
     )
 
 
-@kernel
+@kernel(_nrt=False)
 def ball(a, b, c, radius):
     """Of a ball around the origin."""
     length = np.sqrt(a * a + b * b + c * c)
     if length < TINY:  # in the very middle every direction is as good
         return -radius, 1.0, 0.0, 0.0
-    return length - radius, a / length, b / length, c / length
+    inverse = 1.0 / length
+    return length - radius, a * inverse, b * inverse, c * inverse
 
 
-@kernel
+@kernel(_nrt=False)
 def cylinder(a, b, c, radius, half):
     """Of a cylinder along the third axis."""
     rho = np.sqrt(a * a + b * b)
@@ -65,7 +66,7 @@ def cylinder(a, b, c, radius, half):
     return v, 0.0, 0.0, up
 
 
-@kernel
+@kernel(_nrt=False)
 def box(a, b, c, half1, half2, half3):
     """Of a box along the axes."""
     u, v, w = abs(a) - half1, abs(b) - half2, abs(c) - half3

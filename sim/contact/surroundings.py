@@ -12,7 +12,7 @@ from ..errors import OctoctrlError
 from ..scene.objects import RigidObject, frame_of
 from ..scene.supports import Free
 from .bodies import release
-from .columns import Anchor, Body
+from .columns import Anchor, Body, Note
 from .markers import markers_of
 from .measures import gaps
 from .world import Nodes, Points, World
@@ -70,15 +70,15 @@ class Touch:
             raise OctoctrlError(f"no object '{name}' was recorded; there are: {', '.join(known) or 'none'}")
         note = series[PREFIX + name]
         return cls(
-            position=note[:, Body.POSITION : Body.POSITION + 3],
-            frame=note[:, Body.FRAME : Body.FRAME + 9].reshape(-1, 3, 3),
-            velocity=note[:, Body.VELOCITY : Body.VELOCITY + 3],
-            force=note[:, Body.IMPULSE : Body.IMPULSE + 3],
-            couple=note[:, Body.COUPLE : Body.COUPLE + 3],
-            normal_force=note[:, Body.NORMAL],
-            deepest=note[:, Body.DEEPEST],
-            loaded=note[:, Body.LOADED],
-            slip=note[:, Body.SLIPPED],
+            position=note[:, Note.POSITION : Note.POSITION + 3],
+            frame=note[:, Note.FRAME : Note.FRAME + 9].reshape(-1, 3, 3),
+            velocity=note[:, Note.VELOCITY : Note.VELOCITY + 3],
+            force=note[:, Note.FORCE : Note.FORCE + 3],
+            couple=note[:, Note.COUPLE : Note.COUPLE + 3],
+            normal_force=note[:, Note.NORMAL],
+            deepest=note[:, Note.DEEPEST],
+            loaded=note[:, Note.LOADED],
+            slip=note[:, Note.SLIPPED],
         )
 
 
@@ -96,6 +96,7 @@ class Surroundings:
 
     def __init__(self, objects: Sequence[RigidObject], points: Points | Nodes, *, water_density: float = 0.0) -> None:
         self.objects, self.points, self.water_density = tuple(objects), points, water_density
+        self._changing = [number for number, item in enumerate(self.objects) if _times(item)]
         self.rest()
 
     def rest(self) -> None:
@@ -155,16 +156,16 @@ class Surroundings:
 
     def before_change(self, first: int, sample: float) -> int | None:
         """Samples from number `first` to where an object is let go, or a push begins or ends; None if there is no such."""
-        due = [number - first for item in self.objects for number in _changes(item, sample) if number > first]
-        return min(due, default=None)
+        changes = {round(time / sample) for index in self._changing for time in _times(self.objects[index])}
+        return min((number - first for number in changes if number > first), default=None)
 
     def change(self, first: int, sample: float) -> None:
         """Let go of the objects whose time has come at sample number `first`, and begin or end what pushes them."""
-        for item, body in zip(self.objects, self.world.bodies, strict=True):
+        for item, body in ((self.objects[index], self.world.bodies[index]) for index in self._changing):
             support = item.support
             if isinstance(support, Free) and body[Body.INVERSE_MASS] == 0 and round(support.since / sample) <= first:
                 release(body, item, self.water_density)
-            if first in _changes(item, sample):
+            if first in {round(time / sample) for time in _times(item)}:
                 acting = [push.force for push in item.pushes if _number(push.since, sample) <= first < _number(push.until, sample)]
                 body[Body.PUSH : Body.PUSH + 3] = np.sum(acting, axis=0) if acting else 0.0
 
@@ -174,8 +175,10 @@ class Surroundings:
 
     def now(self) -> dict[str, Floats]:
         """What is to be noted of the present instant, by name of the object."""
-        notes, forces = self.world.bodies.copy(), self.world.anchors[..., Anchor.NORMAL]
-        notes[:, Body.NORMAL], notes[:, Body.LOADED] = forces.sum(axis=1), (forces > 0).sum(axis=1)
+        bodies, forces = self.world.bodies, self.world.anchors[..., Anchor.NORMAL]
+        notes = np.zeros((len(bodies), Note.WIDTH))
+        notes[:, : Note.FORCE], notes[:, Note.SLIPPED] = bodies[:, Body.POSITION : Body.MOMENTUM], bodies[:, Body.SLIPPED]
+        notes[:, Note.NORMAL], notes[:, Note.LOADED] = forces.sum(axis=1), (forces > 0).sum(axis=1)
         return {f"{PREFIX}{item.name}": note for item, note in zip(self.objects, notes, strict=True)}
 
     def state(self) -> dict[str, Floats]:
@@ -188,11 +191,10 @@ class Surroundings:
         self.world.bodies[:], self.world.anchors[:], self.world.pairs.anchors[:] = state["bodies"], state["anchors"], state["between"]
 
 
-def _changes(item: RigidObject, sample: float) -> set[int]:
-    """Numbers of the samples at which an object is let go, or a push on it begins or ends."""
+def _times(item: RigidObject) -> list[float]:
+    """When an object is let go, and pushes on it begin and end, s."""
     times = [item.support.since] if isinstance(item.support, Free) and item.support.since > 0 else []
-    times += [time for push in item.pushes for time in (push.since, push.until) if isfinite(time)]
-    return {round(time / sample) for time in times}
+    return times + [time for push in item.pushes for time in (push.since, push.until) if isfinite(time)]
 
 
 def _number(time: float, sample: float) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..scene.objects import RigidObject
 from .bodies import rows_of
-from .columns import Anchor, Body
+from .columns import Anchor, Note
 from .markers import Pairs
 
 Floats = NDArray[np.float64]
@@ -68,11 +68,15 @@ class World(NamedTuple):
         Points and radii when it was last looked which of them are near.
     near : (M, P) int64
         Points that may meet each body until one looks again, and how many they are: `counts` (M,) int64.
+    slack : (M, P) float64, m
+        What is left of the gaps of these at least, if they close at the speeds `paces` (M,), m/s.
+    seen : (3,) bool
+        What the last look found, see `octoctrl.sim.contact.near_kernels`.
     meetings : (M, P, 7) float64
         Normal, place and lever of these in the present step.
     pairs : Pairs
         Bodies that may touch each other.
-    notes : (T, M, Body.WIDTH) float64
+    notes : (T, M, Note.WIDTH) float64
         The bodies at the end of each sample.
     """
 
@@ -82,6 +86,9 @@ class World(NamedTuple):
     places: Floats
     near: NDArray[np.int64]
     counts: NDArray[np.int64]
+    slack: Floats
+    paces: Floats
+    seen: NDArray[np.bool_]
     meetings: Floats
     pairs: Pairs
     notes: Floats
@@ -97,14 +104,17 @@ class World(NamedTuple):
             places=np.zeros((4, count)),
             near=np.zeros((len(bodies), count), dtype=np.int64),
             counts=np.zeros(len(bodies), dtype=np.int64),
+            slack=np.zeros((len(bodies), count)),
+            paces=np.zeros(len(bodies)),
+            seen=np.zeros(3, dtype=bool),
             meetings=np.zeros((len(bodies), count, 7)),
             pairs=Pairs.of(objects),
-            notes=np.empty((0, len(bodies), Body.WIDTH)),
+            notes=np.empty((0, len(bodies), Note.WIDTH)),
         )
 
     def with_room(self, samples: int) -> "World":
         """The same bodies and anchors, with notes for so many samples."""
-        return self._replace(notes=np.zeros((samples, len(self.bodies), Body.WIDTH)))
+        return self._replace(notes=np.zeros((samples, len(self.bodies), Note.WIDTH)))
 
 
 def points_of(edges: Floats, radius: Floats, thinnest: float = np.inf) -> Points:

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..compiler import kernel
 from ..contact.columns import Anchor, Body
+from ..contact.friction_kernels import apart, stays_apart
 from ..contact.friction_kernels import follow as follow_point
 from ..contact.friction_kernels import touch as touch_point
-from ..contact.near_kernels import NEAR, find_near
-from ..contact.pair_kernels import find_pairs
+from ..contact.near_kernels import look
 from ..contact.shape_kernels import distance
 from .layout import offsets
 
@@ -43,7 +43,7 @@ def rod_contact_kernels(stride, constant_section=False):
     MOBILITY, MOBILITY1, MOBILITY2, MOBILITY3 = (o[name] for name in ("NODE_MOBILITY", "MOBILITY1", "MOBILITY2", "MOBILITY3"))
     STRETCH = o["STRETCH"]
 
-    @kernel
+    @kernel(_nrt=False)
     def place(b, k, xi):
         q = k + ONE
         return (
@@ -52,11 +52,11 @@ def rod_contact_kernels(stride, constant_section=False):
             b[X3 + k] + xi * (b[X3 + q] - b[X3 + k]),
         )
 
-    @kernel
+    @kernel(_nrt=False)
     def present_radius(b, points, p, k):
         return points.radius[p] if constant_section else points.radius[p] / np.sqrt(b[STRETCH + k])
 
-    @kernel
+    @kernel(_nrt=False)
     def lever(b, points, p, k, body):
         """Gap, normal, and place and lever of the middle of the overlap."""
         x1, x2, x3 = place(b, k, points.share[p])
@@ -66,7 +66,7 @@ def rod_contact_kernels(stride, constant_section=False):
         arm = -(radius + 0.5 * gap)
         return gap, n1, n2, n3, x1 + arm * n1, x2 + arm * n2, x3 + arm * n3, arm
 
-    @kernel
+    @kernel(_nrt=False)
     def surface_velocity(b, k, xi, l1, l2, l3):
         q = k + ONE
         a1, a2, a3 = b[W1 + k], b[W2 + k], b[W3 + k]
@@ -79,7 +79,7 @@ def rod_contact_kernels(stride, constant_section=False):
             (1 - xi) * b[V3 + k] + xi * b[V3 + q] + w1 * l2 - w2 * l1,
         )
 
-    @kernel
+    @kernel(_nrt=False)
     def watch(b, world, span):
         points, places, fastest = world.points, world.places, 0.0
         for p in range(len(points.element)):
@@ -87,38 +87,44 @@ def rod_contact_kernels(stride, constant_section=False):
             fastest = max(fastest, b[V1 + k] ** 2 + b[V2 + k] ** 2 + b[V3 + k] ** 2)
             places[0, p], places[1, p], places[2, p] = place(b, k, points.share[p])
             places[3, p] = present_radius(b, points, p, k)
-        find_near(world, np.sqrt(fastest), span)
-        find_pairs(world, span)
+        look(world, np.sqrt(fastest), span)
 
-    @kernel
+    @kernel(_nrt=False)
     def touch(b, world, h):
-        points = world.points
+        points, rate = world.points, 1.0 / h
         for j in range(world.bodies.shape[0]):
             count = world.counts[j]
             if count == 0:
                 continue
             body, anchors, near, meetings = world.bodies[j], world.anchors[j], world.near[j], world.meetings[j]
+            slack, closing = world.slack[j], h * world.paces[j]
             for i in range(count):
+                slack[i] -= closing
+                if slack[i] > 0:
+                    continue
                 p = near[i]
                 k, xi = points.element[p], points.share[p]
                 q = k + ONE
                 gap, n1, n2, n3, c1, c2, c3, arm = lever(b, points, p, k, body)
-                if gap > NEAR and anchors[p, NORMAL] == 0.0:
+                l1, l2, l3 = arm * n1, arm * n2, arm * n3
+                v1, v2, v3 = surface_velocity(b, k, xi, l1, l2, l3)
+                if stays_apart(body, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
+                    slack[i] = gap
+                    if anchors[p, NORMAL] > 0:
+                        apart(anchors, p)
                     continue
-                normal = ((1 - xi) * (1 - xi) * b[MOBILITY + k] + xi * xi * b[MOBILITY + q]) / h
+                normal = ((1 - xi) * (1 - xi) * b[MOBILITY + k] + xi * xi * b[MOBILITY + q]) * rate
                 if normal == 0.0:  # between held nodes
                     continue
                 meetings[i, 0], meetings[i, 1], meetings[i, 2] = n1, n2, n3
                 meetings[i, 3], meetings[i, 4], meetings[i, 5], meetings[i, 6] = c1, c2, c3, arm
-                turn = (1.0 if constant_section else b[STRETCH + k]) / h
+                turn = (1.0 if constant_section else b[STRETCH + k]) * rate
                 tangent = normal + arm * arm * turn * max(b[MOBILITY1 + k], b[MOBILITY2 + k], b[MOBILITY3 + k])
-                l1, l2, l3 = arm * n1, arm * n2, arm * n3
-                v1, v2, v3 = surface_velocity(b, k, xi, l1, l2, l3)
                 stiffness = body[STIFFNESS] * points.length[p]
                 p1, p2, p3 = touch_point(body, anchors, p, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, normal, tangent, stiffness, h)
                 if p1 == 0.0 and p2 == 0.0 and p3 == 0.0:
                     continue
-                here, there = (1 - xi) * b[MOBILITY + k] / h, xi * b[MOBILITY + q] / h
+                here, there = (1 - xi) * b[MOBILITY + k] * rate, xi * b[MOBILITY + q] * rate
                 b[V1 + k] += here * p1
                 b[V2 + k] += here * p2
                 b[V3 + k] += here * p3
@@ -130,7 +136,7 @@ def rod_contact_kernels(stride, constant_section=False):
                 b[W2 + k] += turn * b[MOBILITY2 + k] * (b[Q21 + k] * t1 + b[Q22 + k] * t2 + b[Q23 + k] * t3)
                 b[W3 + k] += turn * b[MOBILITY3 + k] * (b[Q31 + k] * t1 + b[Q32 + k] * t2 + b[Q33 + k] * t3)
 
-    @kernel
+    @kernel(_nrt=False)
     def follow(b, world, h):
         points = world.points
         for j in range(world.bodies.shape[0]):

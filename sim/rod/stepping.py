@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..body.layout import Family, MuscleLayout
 from ..compiler import kernel
 from ..contact.body_kernels import drift_bodies, kick_bodies
+from ..contact.near_kernels import CLOSE, MEETING, MOVES
 from ..contact.note_kernels import note
 from ..contact.pair_kernels import meet
 from ..contracts import Floats
@@ -96,7 +97,9 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
         for sample in range(points.shape[0]):
             if touching:
                 watch(b, world, h * steps)
-                drift_bodies(world.bodies, 0.5 * h)
+                moves, close, meeting = world.seen[MOVES], world.seen[CLOSE], world.seen[MEETING]
+                if moves:
+                    drift_bodies(world.bodies, 0.5 * h)
             drift(b, n, 0.5 * h)
             before, after = levels[sample], levels[sample + 1]
             changing = True
@@ -127,14 +130,19 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
                 remember(b, n)
                 kick(b, n)
                 if touching:
-                    kick_bodies(world.bodies, h)
-                    touch(b, world, h)
-                    meet(world, h)
+                    if moves:
+                        kick_bodies(world.bodies, h)
+                    if close:
+                        touch(b, world, h)
+                    if meeting:
+                        meet(world, h)
                 brake(b, n)
                 relax(b, n)
                 if touching:
-                    follow(b, world, h)
-                    drift_bodies(world.bodies, h if step + 1 < steps else 0.5 * h)
+                    if close:
+                        follow(b, world, h)
+                    if moves:
+                        drift_bodies(world.bodies, h if step + 1 < steps else 0.5 * h)
                 drift(b, n, h if step + 1 < steps else 0.5 * h)
             if touching:
                 note(world, sample, h, steps)

@@ -56,7 +56,7 @@ class RigidObject:
     mass: float | None = None
     water_mass: bool = True
     friction: tuple[float, float] = (0.1, 0.1)
-    stiffness: float = 2e6
+    stiffness: float = 4e6
     pushes: tuple[Push, ...] = ()
 
     kind: ClassVar[int]
