@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import octoctrl as oc
-from octoctrl.sim.assembly import stepping, terms
+from octoctrl.sim.assembly import contact_kernels, published_contact_kernels, terms
+from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.layout import AssemblyRow
 from octoctrl.sim.assembly.surroundings import outer_nodes
 from octoctrl.sim.body.anatomy import PLAIN
+from octoctrl.sim.contact.columns import Body
 from octoctrl.sim.contact.measures import covered_winding, gaps
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.errors import OctoctrlError
@@ -44,12 +46,15 @@ def test_without_objects_nothing_of_contact_is_built(monkeypatch):
     def refuse(grid):
         raise AssertionError("contact is built")
 
-    monkeypatch.setattr(terms, "contact_kernels", refuse)
-    monkeypatch.setattr(stepping, "contact_kernels", refuse)
+    for module in (terms, contact_kernels, published_contact_kernels):
+        for name in ("contact_kernels", "published_contact_kernels"):
+            if hasattr(module, name):
+                monkeypatch.setattr(module, name, refuse)
     grid = plant().core.grid
-    stepping.assembly_stepper(grid, terms.hydrostat_terms(grid, PLAIN))
-    with pytest.raises(AssertionError, match="contact is built"):
-        stepping.assembly_stepper(grid, terms.hydrostat_terms(grid, PLAIN, touching=True), touching=True)
+    for published in (False, True):
+        compiled.__wrapped__(grid, 0.1, published, PLAIN, False, False)
+        with pytest.raises(AssertionError, match="contact is built"):
+            compiled.__wrapped__(grid, 0.1, published, PLAIN, False, True)
 
 
 def test_what_may_touch_are_the_nodes_of_the_helices():
@@ -144,7 +149,7 @@ def test_a_touch_keeps_momentum_and_angular_momentum():
     made = plant(far)
     made.advance(PRESS, 0.05)
     core = made.core
-    watch, touch, _ = terms.contact_kernels(core.grid)
+    watch, touch, _ = contact_kernels.contact_kernels(core.grid)
     world, rods = core._around.world, core.rods
     nodes = outer_nodes(core.geometry).place.astype(int)
 
@@ -190,6 +195,64 @@ def test_objects_in_the_arm_are_refused_before_the_run(item, said):
     with pytest.raises(OctoctrlError, match=said):
         plant(item)
     assert plant(POST).scene.objects
+
+
+def segments_apart(first, edge, other, axis):
+    """Distance of two segments, by minimising over both shares on ever finer grids."""
+    low, high = np.zeros(2), np.ones(2)
+    for _ in range(12):
+        u, t = (np.linspace(low[i], high[i], 21) for i in range(2))
+        apart = first + u[:, None, None] * edge - other - t[None, :, None] * axis
+        square = (apart**2).sum(axis=2)
+        i, j = np.unravel_index(square.argmin(), square.shape)
+        width = (high - low) / 10
+        best = np.array([u[i], t[j]])
+        low, high = np.maximum(best - width, 0.0), np.minimum(best + width, 1.0)
+    return np.sqrt(square.min())
+
+
+def test_published_contact_finds_the_nearest_places_of_two_segments():
+    draw = np.random.default_rng(4)
+    for _ in range(200):
+        first, edge, other, axis = draw.normal(size=(4, 3))
+        u, t = published_contact_kernels.closest(*(first - other), *edge, *axis)
+        assert 0 <= u <= 1 and 0 <= t <= 1
+        assert np.linalg.norm(first + u * edge - other - t * axis) == pytest.approx(segments_apart(first, edge, other, axis), rel=1e-6)
+
+
+def test_published_contact_gives_to_the_body_what_it_takes_from_the_arm():
+    """Forces on the nodes sum up to what the body receives, with k times the overlap along the normal."""
+    post = Capsule(name="post", radius=14e-3, length=0.08, position=(-0.0205, 0.04, -0.0205), axis=(0, 1, 0), stiffness=900.0)
+    made = oc.make_plant("assembly", scene=Scene(objects=(post,)), paper_compatible=True)
+    core, (watch, press) = made.core, published_contact_kernels.published_contact_kernels(made.core.grid)
+    world, rods = core._around.world, core.rods
+    rods.open_rods[AssemblyRow.RADIUS] = rods.open_rods[AssemblyRow.REST_RADIUS]
+    world.bodies[0, Body.POSITION : Body.POSITION + 3] = (-0.0185, 0.04, -0.0185)
+    world.bodies[0, Body.KINETIC] = 0.0
+    before = [rods.oblique(AssemblyRow.F1 + i, nodes=True).copy() for i in range(3)]
+    watch(rods.flat, world, 1e-4)
+    press(rods.flat, world, 1e-5)
+    given = np.array([(rods.oblique(AssemblyRow.F1 + i, nodes=True) - before[i]).sum() for i in range(3)])
+    row = world.bodies[0]
+    assert row[Body.LOADED] > 3 and np.linalg.norm(given) > 1e-4
+    np.testing.assert_allclose(row[Body.IMPULSE : Body.IMPULSE + 3] / 1e-5, -given, rtol=1e-9, atol=1e-15)
+    # At rest nothing damps: the sum of normal forces is k times that of the overlaps, here of distances found on grids.
+    helices = core.geometry.oblique
+    middle, edge = helices.centres, helices.edges
+    low = np.array([-0.0185, 0.0, -0.0185])
+    deep = [
+        post.radius + r - segments_apart(m, e, low, np.array([0.0, 0.08, 0.0]))
+        for m, e, r in zip(middle.reshape(-1, 3), edge.reshape(-1, 3), helices.radius.ravel(), strict=True)
+        if np.linalg.norm((m - low)[[0, 2]]) < post.radius + 4e-3
+    ]
+    assert row[Body.NORMAL] / 1e-5 == pytest.approx(900.0 * 0.2 / 360 * sum(d for d in deep if d > 0), rel=1e-3)
+
+
+def test_published_contact_knows_capsules_only():
+    with pytest.raises(
+        OctoctrlError, match=r"the published contact knows capsules only \(found 'ball'\); leave it or paper_compatible out"
+    ):
+        oc.make_plant("assembly", scene=Scene(objects=(BALL,)), paper_compatible=True)
 
 
 @pytest.mark.slow

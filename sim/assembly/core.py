@@ -25,6 +25,7 @@ from ..findings import Finding, Stop
 from ..physics.fibre_kernels import MIDDLE, law_constants
 from ..running.clock import Clock, StepLimit
 from ..scene.loads import TORQUE, TWIST
+from ..scene.objects import Capsule
 from ..scene.scene import Scene
 from .buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .constants import fibre_laws, slab_volumes, thin_ring_limit
@@ -60,11 +61,16 @@ def compiled(
     touching: bool = False,
 ) -> Callable[..., Any]:
     """The compiled loop of an assembly, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
+    from .contact_kernels import contact_kernels
+    from .published_contact_kernels import published_contact_kernels
     from .stepping import assembly_stepper
     from .terms import hydrostat_terms, published_terms
 
-    phases = published_terms(grid, traits, inclination, loaded) if published else hydrostat_terms(grid, traits, loaded, touching)
-    return assembly_stepper(grid, phases, loaded, touching)
+    if published:
+        phases, watching = published_terms(grid, traits, inclination, loaded, touching), published_contact_kernels
+    else:
+        phases, watching = hydrostat_terms(grid, traits, loaded, touching), contact_kernels
+    return assembly_stepper(grid, phases, loaded, watching(grid)[0] if touching else None)
 
 
 def _at_spokes(levels: Floats, spokes: int) -> Floats:
@@ -176,6 +182,9 @@ class AssemblyCore:
         laws = fibre_laws(arm, paper_compatible)
         self._laws = tuple(law_constants(law, viscosity=anatomy.viscosity, centre=centre) for law in laws)
         self._around = surroundings_of(scene, self.geometry)
+        other = next((item for item in scene.objects if not isinstance(item, Capsule)), None)
+        if paper_compatible and other is not None:
+            raise OctoctrlError(f"the published contact knows capsules only (found '{other.name}'); leave it or paper_compatible out")
         self.rest()
 
     @property

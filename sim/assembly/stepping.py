@@ -14,7 +14,7 @@ from ..compiler import kernel
 from ..contact.body_kernels import any_moves, drift_bodies
 from ..contact.near_kernels import MOVES
 from ..contact.note_kernels import note
-from .contact_kernels import LOOK, contact_kernels
+from .contact_kernels import LOOK
 from .family_kernels import family_kernels, family_offsets, position_kernels
 from .meeting_kernels import LEFT, meet
 from .outside_kernels import outside_kernels
@@ -71,8 +71,8 @@ def mover(grid: AssemblyGrid) -> Any:
     return move
 
 
-def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, touching: bool = False) -> Any:
-    """Compile the loop of an assembly.
+def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, look: Any = None) -> Any:
+    """Compile the loop of an assembly; `look` is what watches for bodies, if there are any.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, t
     STRETCH, LENGTH, RING_STRETCH, RING_X = o["STRETCH"], o["LENGTH"], g["STRETCH"], g["X1"]
     VOLUME = slab_offsets(grid)["VOLUME"]
     find, _ = outside_kernels(grid)
-    look: Any = contact_kernels(grid)[0] if touching else None
+    touching = look is not None
     real, single = np.float32 if grid.single else np.float64, grid.single
     apart = position_kernels(grid, False)[0]
     straighten = sweep_open(grid, family_kernels(grid, False)["straighten"])

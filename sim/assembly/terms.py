@@ -28,6 +28,7 @@ from .joint_kernels import RESULTS, load_kernels, ring_joints
 from .outside_kernels import outside_kernels
 from .parts import sweep, sweep_open
 from .pressure_kernels import pressure_kernels
+from .published_contact_kernels import published_contact_kernels
 from .published_joint_kernels import RESULTS as PUBLISHED_RESULTS
 from .published_joint_kernels import even_repulsion, published_ring_joints, squeeze_kernels
 from .published_kernels import published_drag, published_strain, velocity_filters
@@ -202,7 +203,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, to
     return tuple(phase for phase in phases if phase)
 
 
-def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, loaded: bool = False) -> Phases:
+def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, loaded: bool = False, touching: bool = False) -> Phases:
     """Terms of the published numerics, for an `inclination` (rad) of the longitudinal muscles; they know no parts but the whole."""
     gather, (cord, neighbours) = gather_kernel(grid, True), side_kernels(grid, True)
     ring_muscle, ring_ring = published_ring_joints(grid, inclination)
@@ -251,6 +252,7 @@ def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, load
         "strains, bending": bending,
         "crossings": crossings,
         "crossings, helices": on_helices,
+        **_pressed(grid, touching),
         "drag": drag,
         "spokes": spokes,
         "sums": sums,
@@ -274,6 +276,22 @@ def _loads(grid: AssemblyGrid, loaded: bool) -> Terms:
         add(b, part, step.outside)
 
     return {"loads": loads}
+
+
+def _pressed(grid: AssemblyGrid, touching: bool) -> Terms:
+    """The term of published contact forces, if there are bodies."""
+    if not touching:
+        return {}
+    _, exert = published_contact_kernels(grid)
+
+    @kernel
+    def press(b: Any, share: Any, step: Any) -> None:
+        if step.world.seen[MOVES]:
+            kick_bodies(step.world.bodies, step.h)
+        if step.world.seen[CLOSE]:
+            exert(b, step.world, step.h)
+
+    return {"press": on_its_own(press)}
 
 
 def _touched(grid: AssemblyGrid, touching: bool) -> tuple[Terms, Terms]:
