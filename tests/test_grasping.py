@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import rgb_to_hsv
 
 import octoctrl as oc
-from octoctrl.carrying import calibrating
+from octoctrl.carrying import calibrating, searching
 from octoctrl.carrying.searching import plan_by_search
 from octoctrl.carrying.trials import schedule_of
 from octoctrl.carrying.tugging import tugs
@@ -315,6 +315,17 @@ def test_a_plan_says_what_was_tried_and_depends_on_its_seed(searched):
     assert any("seed 1" in line and "4 candidates" in line for line in first.report.tried) and first.report.starts >= 4
     assert any(line.startswith("candidate 1 on the plant 'rod': worst goal ") for line in first.report.tried)
     assert str(first).count("seed 1:") == 1
+
+
+def test_numbers_of_the_task_that_are_good_enough_are_not_searched(hold, monkeypatch):
+    plan, _, _ = hold
+    (curl,) = plan.schedule.primitives
+    drive = oc.Drive(name="curl", primitive=replace(curl, onset=0.0), begins="grasp", delay=curl.onset, free=("level", "azimuth"))
+    task = replace(plan.task, drives=(drive,), choose=None)
+    monkeypatch.setattr(searching, "_scenarios", lambda task, work: (Scenario(),))
+    found = plan_by_search(task, plan.model)
+    assert found.status is PlanStatus.HELD and found.report.starts == 1 and "own numbers" in found.report.tried[0]
+    assert found.report.numbers == {"curl.level": curl.level, "curl.azimuth": curl.azimuth}
 
 
 def test_a_plan_survives_its_file(searched, tmp_path):

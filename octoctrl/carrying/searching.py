@@ -275,6 +275,13 @@ def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tup
     if not stages[0].unknowns.names:
         x = np.zeros(0)
         return [(stages[0], Candidate(x, stages[0](x)))], [], 1
+    own = stages[0].unknowns.mean
+    if stages[0].task.choose is None and (judged := work.executor.submit(stages[0], own).result()).price <= enough:
+        return (
+            [(stages[0], Candidate(own, judged))],
+            [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"],
+            1,
+        )
     for number, stage in enumerate(stages):
         unknowns = stage.unknowns
         if found and stage.task == found[-1][0].task:  # the same start again: better from the best so far
