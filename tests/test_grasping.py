@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from matplotlib.colors import rgb_to_hsv
 
 import octoctrl as oc
@@ -17,7 +18,16 @@ from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve, shared_level
 from octoctrl.planners.contracts import ClockReading
 from octoctrl.planners.following.gripping import Gripping
-from octoctrl.planners.solving.grasping import grasp_drives, nearest, too_short, touch_time
+from octoctrl.planners.solving.grasping import (
+    check_objects,
+    grasp_drives,
+    held_at_the_end,
+    is_simulated,
+    nearest,
+    objects_held,
+    too_short,
+    touch_time,
+)
 from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.activation import Wave
@@ -333,6 +343,15 @@ def test_a_plan_survives_its_file(searched, tmp_path):
     loaded = oc.load(oc.save(tmp_path / "plan.npz", plan))
     assert loaded.schedule == plan.schedule and loaded.status is plan.status and loaded.report.tried == plan.report.tried
     assert loaded.scene == plan.scene
+
+
+def test_the_crevice_is_a_task_of_this_scene():
+    configuration = oc.tasks.load(ROOT / "examples" / "crevice.toml")
+    task = configuration.task.on(configuration.arm)
+    check_objects(task, configuration.scene)
+    assert is_simulated(task) and objects_held(task) == {"bar", "post 1"} and held_at_the_end(task) == {"bar"}
+    assert searching.begins_of(task) == {"pass": 0.0, "grasp": 2.5, "turn": 6.0, "before": 9.0, "out": 10.5}
+    assert too_short(task, configuration.arm, configuration.scene) == ""
 
 
 @pytest.mark.slow
