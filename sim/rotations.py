@@ -38,6 +38,17 @@ def rotation_vector(matrix: ArrayLike) -> Floats:
     return axial / np.sinc(angle / np.pi)[..., None]
 
 
+def orthonormalised(frames: ArrayLike) -> Floats:
+    """Frames (..., 3, 3) that are orthonormal to the square of what `frames` lack of it: a step of Newton's method for the polar factor.
+
+    References
+    ----------
+    Bjorck and Bowie (1971), *An iterative algorithm for computing the best estimate of an orthogonal matrix*.
+    """
+    frames = np.asarray(frames, dtype=float)
+    return frames + 0.5 * (np.eye(3) - frames @ np.swapaxes(frames, -1, -2)) @ frames
+
+
 def ribbon_frames(points: ArrayLike, frames: ArrayLike) -> Floats:
     """Frames of the ribbon along the centreline.
 

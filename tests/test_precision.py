@@ -119,6 +119,8 @@ def runs():
 def test_mixed_precision_moves_the_arm_as_double_precision_does(runs):
     (plant, exact), (mixed, found) = runs["double"], runs["mixed"]
     assert mixed.core.rods.flat.dtype == np.float32 and plant.core.rods.flat.dtype == np.float64
+    for frames in (found.frames, mixed.observe().frames):
+        assert np.abs(frames @ np.swapaxes(frames, -1, -2) - np.eye(3)).max() < 1e-12
     moved = np.abs(exact.points[-1] - exact.points[0]).max()
     assert moved > 1e-3
     assert np.abs(found.points[-1] - exact.points[-1]).max() < 2e-3 * moved

@@ -23,6 +23,7 @@ from ..contracts import Floats, Motion, State
 from ..errors import OctoctrlError, OctoctrlWarning, check_choice, check_count, check_number
 from ..findings import Finding, Stop
 from ..physics.fibre_kernels import MIDDLE, law_constants
+from ..rotations import orthonormalised
 from ..running.clock import Clock, StepLimit
 from ..scene.loads import TORQUE, TWIST
 from ..scene.objects import Capsule
@@ -214,7 +215,11 @@ class AssemblyCore:
         """Points, frames and stretch of the nerve cord now."""
         points = self.rods.points(self.rods.straight, nodes=True)[0]
         frames = np.stack([self.rods.straight(AssemblyRow.Q11 + i)[0] for i in range(9)], axis=1).astype(float).reshape(-1, 3, 3)
-        return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self.geometry.straight.length[0]
+        return points, self._told(frames), np.linalg.norm(np.diff(points, axis=0), axis=1) / self.geometry.straight.length[0]
+
+    def _told(self, frames: Floats) -> Floats:
+        """What others are told of frames that are kept in single precision: orthonormal to all digits."""
+        return orthonormalised(frames) if self.grid.single else frames
 
     def series(self) -> State:
         """Volume inside the rings over that at rest: ``volume`` of the whole, ``slab_volume`` of each slab (N,); each object's `Touch`."""
@@ -324,7 +329,7 @@ class AssemblyCore:
         series = self._volumes(volumes[:done])
         if around is not None:
             series |= {name: values[:done] for name, values in around.series(world).items()}
-        return Motion(points[:done], frames[:done], stretch[:done], series, Finding(finding), rod, element)
+        return Motion(points[:done], self._told(frames[:done]), stretch[:done], series, Finding(finding), rod, element)
 
     def _rounded(self, numbers: Any) -> Any:
         """Numbers, in tuples of tuples, in the precision of the buffer."""
