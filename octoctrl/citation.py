@@ -22,14 +22,15 @@ CASADI = """@article{andersson2019casadi,
   pages   = {1--36},
   year    = {2019}
 }"""
-IPOPT = """@article{waechter2006ipopt,
-  author  = {W{\\"a}chter, Andreas and Biegler, Lorenz T.},
-  title   = {On the implementation of an interior-point filter line-search algorithm for large-scale nonlinear programming},
-  journal = {Mathematical Programming},
-  volume  = {106},
-  pages   = {25--57},
-  year    = {2006}
+DAQP = """@article{arnstroem2022daqp,
+  author  = {Arnstr{\\"o}m, Daniel and Bemporad, Alberto and Axehill, Daniel},
+  title   = {A dual active-set solver for embedded quadratic programming using recursive {LDL}' updates},
+  journal = {IEEE Transactions on Automatic Control},
+  volume  = {67},
+  number  = {8},
+  pages   = {4362--4369},
+  year    = {2022}
 }"""
 
-CITATION = "\n".join((OCTOCTRL, ARM, CASADI, IPOPT))
+CITATION = "\n".join((OCTOCTRL, ARM, CASADI, DAQP))
 """For a paper that plans with octoctrl."""

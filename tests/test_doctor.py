@@ -22,7 +22,7 @@ def marks(findings):
 def test_this_installation_is_sound(capsys):
     assert main(["doctor"]) == 0
     said = capsys.readouterr().out
-    assert "numba" in said and "IPOPT solves" in said and "NOT WELL" not in said
+    assert "numba" in said and "sqpmethod with DAQP solves" in said and "NOT WELL" not in said
 
 
 def test_a_plant_that_moves_otherwise_is_found(monkeypatch, capsys):

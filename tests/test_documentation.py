@@ -240,6 +240,6 @@ def test_cite_prints_bibtex(capsys):
         ("software", "octoctrl"),
         ("article", "tekinalp2024topology"),
         ("article", "andersson2019casadi"),
-        ("article", "waechter2006ipopt"),
+        ("article", "arnstroem2022daqp"),
     ]
     assert f"version = {{{__version__}}}" in said and all(entry.count("{") == entry.count("}") for entry in said.split("\n@"))

@@ -265,9 +265,10 @@ def _pruned(search: Search, x: Floats, reading: Reading) -> Sequence:
 
 def _changes(task: Task, names: list[str], x: Floats) -> dict[str, float]:
     """By how much each drive changes the level of its muscles from what the drive before it left."""
-    numbers, before, found = dict(zip(names, x, strict=True)), dict[str, float](), {}
+    numbers, before, found = dict(zip(names, x, strict=True)), dict[tuple[str, ...], float](), {}
     for drive in task.drives:
-        channel, level = drive.name.rpartition(" from ")[0], float(numbers[f"{drive.name}.level"])
+        channel = tuple(group for template in drive.primitive.templates() for group in template.groups)
+        level = float(numbers[f"{drive.name}.level"])
         # A wave passes; it leaves nothing for the next to take over.
         found[drive.name] = level if isinstance(drive.primitive, BendWave) else abs(level - before.get(channel, 0.0))
         before[channel] = level

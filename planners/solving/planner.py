@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octoctrl.sim.errors import check_number
+from octoctrl.sim.topology.measures import measure
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..asking.choice import Choice
@@ -40,6 +41,9 @@ SAMPLE = 0.01
 
 RELAXED, NEAR = 0.25, 3.5
 """Smaller u that is aimed at when a search has come within so many tolerances."""
+
+WARM, NEARBY = 3, 0.6
+"""Iterations of the fit from a plan's numbers, and the largest miss in tolerances on fine steps with which that is enough."""
 
 SEVERAL, OTHER_WORK = 2, 10000.0
 """Sequences of drives that are looked for where they are chosen, and the work spent on others where the given ones do not do."""
@@ -181,7 +185,9 @@ def _planned(
         task, known, others = sequences[0].task, sequences[0].numbers, tuple(map(_alternative, sequences))
     problem = Problem(task, identified.model, present)
     search = Search(problem, late, told)
-    found = search.run(problem.vector(dict(known) | dict(start)))
+    first = problem.vector(dict(known) | dict(start))
+    # The optimiser itself goes the little way from a plan of a similar task.
+    found = (_nearby(search, first) if known else None) or search.run(first)
     if not found.solved and found.reading.worst < NEAR and problem.guarded and not clock.after(SEARCH_SHARE):
         found = _relaxed(search, found)
     clock.lap("search")
@@ -192,6 +198,13 @@ def _planned(
     best, report = _optimised(problem, found, price, report, clock, progress)
     clock.lap("optimise")
     return _finished(problem, best, PlanStatus.SOLVED, identified, report, clock)
+
+
+def _nearby(search: Search, x: Floats) -> Found | None:
+    """A plan's own numbers, if they come so near to the goals that the optimiser needs no search, after one fit on coarse steps."""
+    x = search.fitted(x, COARSE, WARM)
+    reading = search.read(x)
+    return None if reading.worst > NEARBY else Found(x, reading, 1, search.iterations)
 
 
 def _alternative(sequence: Sequence) -> Alternative:
@@ -288,7 +301,8 @@ def _finished(problem: Problem, found: Found, status: PlanStatus, identified: Id
     time = np.concatenate([[present.clock], *pieces])
     levels = model.levels(schedule.activation(), time[1:])
     motion = model.simulate(levels, np.diff(time), start=present.strains, begin=present.clock)
-    trace, recording = model.trace(motion.time, motion.strains, task.convention), model.recording(motion.time, motion.strains)
+    recording = model.recording(motion.time, motion.strains)
+    trace = measure(recording.time, recording.points, recording.frames, task.convention)
     trace = lifted_by(trace, present.branch(trace.lifted_writhe[0]))
     goals = tuple(
         GoalReport(phase=phase.name, goal=goal, miss=miss_in_phase(goal, time, goal.miss(recording, trace, model.arm), begin, end))
