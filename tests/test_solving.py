@@ -220,7 +220,7 @@ def test_price_is_what_the_module_says(problem):
 def test_price_asks_for_levels_as_slow_as_those_the_model_knows(problem):
     fast = np.array(problem.start)
     fast[problem.names.index("twist.rise")] = 0.1
-    excess = np.pi / 2 * 0.25 / 0.1 / 1.5 - 1
+    excess = np.pi / 2 * 0.16 / 0.1 / 1.5 - 1
     more = float(objective(problem, 1.5)(fast)) - float(objective(problem, 0.0)(fast))
     assert more == pytest.approx(4.5 * excess**2, rel=1e-6)
 
