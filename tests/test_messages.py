@@ -55,6 +55,7 @@ OBJECTS = [
     (lambda: make_plant("assembly", threads=1.5), "threads: expected a whole number, found float 1.5"),
     (lambda: make_plant("assembly", threads=2, paper_compatible=True), "paper_compatible runs in one thread; leave threads=2 out"),
     (lambda: make_plant("rod", precision="mixed"), "unknown rod option 'precision' (complete)"),
+    (lambda: make_plant("rod", threads=2), "unknown rod option 'threads' (complete)"),
     (lambda: oc.Phase(name="store", duration=0), "phase 'store': duration=0 s is outside 0.3…4 s"),
     (lambda: oc.goal("twist", value=float("nan")), "goal twist is nan; a finite number is needed"),
     (lambda: primitive("bendwave"), "unknown primitive 'bendwave'; did you mean 'BendWave'? (Bend, BendWave, Curl, Elongate, Shorten, StoreTwist, Swing, Twist, TwistWave)"),

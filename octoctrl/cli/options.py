@@ -38,5 +38,6 @@ PlantName = Annotated[
         "-mixed: in mixed precision, twice as fast.",
     ),
 ]
+Threads = Annotated[int, typer.Option("--threads", metavar="1|2", help="Threads for the full arm: 2 where two cores are free.")]
 TimeLimit = Annotated[float | None, typer.Option("--time-limit", metavar="SECONDS", help="Wall-clock limit of planning.")]
 ModelFile = Annotated[Path | None, typer.Option("--model", metavar="MODEL.json", help="Reduced model made by identify.")]

@@ -9,7 +9,7 @@ from octoctrl.sim.errors import OctoctrlError
 
 from ..progress import NullProgress, Progress
 from .codes import ExitCode, code_of_plan, code_of_run, code_of_verdict
-from .options import AsJson, Overwrite, PlantName, Quiet, Settings, TimeLimit, task_names
+from .options import AsJson, Overwrite, PlantName, Quiet, Settings, Threads, TimeLimit, task_names
 from .output import display, plan_content, report, run_content, say, verdict_content
 from .planning import configuration_of, origin_of, plan_into
 
@@ -27,6 +27,7 @@ def run(
     open_loop: Annotated[bool, typer.Option("--open-loop", help="Play the planned activations without feedback.")] = False,
     feedback: Annotated[str | None, typer.Option("--feedback", metavar="NAME", help="tvlqr, mpc, grip or open-loop.")] = None,
     plant: PlantName = None,
+    threads: Threads = 1,
     anyway: Annotated[bool, typer.Option("--anyway", help="Run a plan that does not meet its goals.")] = False,
     view: Annotated[bool, typer.Option("--view", help="Watch it live in a browser, set the pace, plan again.")] = False,
     port: Annotated[int, typer.Option("--port", help="Of the live view; 0 takes a free one.")] = 8080,
@@ -42,7 +43,7 @@ def run(
     from ..files.store import load, read_header
 
     if broken_off is not None:
-        return _resumed(broken_off, [plan_file, output, feedback, plant, open_loop, anyway, force], as_json, quiet)
+        return _resumed(broken_off, [plan_file, output, feedback, plant, threads > 1, open_loop, anyway, force], as_json, quiet)
     if plan_file is None or output is None:
         raise OctoctrlError("give a plan and where to write: octoctrl run plan.npz -o run.npz; or what to go on with: --resume run.npz")
     if open_loop and feedback not in (None, "open-loop"):
@@ -55,14 +56,16 @@ def run(
     if code_of_plan(loaded) and not anyway:
         raise OctoctrlError(f"{plan_file} does not meet its goals ({loaded.status.name.lower()}); give --anyway to run it all the same")
     if view:
-        execution = _watched(output, loaded, feedback, plant or loaded.plant, force, origin, port)
+        execution = _watched(output, loaded, feedback, plant or loaded.plant, threads, force, origin, port)
     else:
-        execution = run_into(output, loaded, feedback, plant or loaded.plant, force, origin, display(quiet))
+        execution = run_into(output, loaded, feedback, plant or loaded.plant, threads, force, origin, display(quiet))
     report(execution, run_content(execution), as_json)
     return code_of_run(execution)
 
 
-def _watched(output: Path, plan: "Plan", feedback: str, plant: str, force: bool, origin: dict[str, str], port: int) -> "Execution":
+def _watched(
+    output: Path, plan: "Plan", feedback: str, plant: str, threads: int, force: bool, origin: dict[str, str], port: int
+) -> "Execution":
     """Carry out a plan in a live view, and the plans that are made there after it, each from rest; the last run stays in the file."""
     from ..pictures.live import View
 
@@ -71,7 +74,7 @@ def _watched(output: Path, plan: "Plan", feedback: str, plant: str, force: bool,
     following: Plan | None = plan
     try:
         while following is not None:
-            execution = run_into(output, following, feedback, plant, force, origin, NullProgress(), watch=live)
+            execution = run_into(output, following, feedback, plant, threads, force, origin, NullProgress(), watch=live)
             force = True
             say(f"wrote {output}; change goals and plan again in the browser, or end with Ctrl-C")
             following = live.next_plan()
@@ -102,6 +105,7 @@ def demo(
     settings: Settings = None,
     time_limit: TimeLimit = None,
     plant: PlantName = None,
+    threads: Threads = 1,
     force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -126,7 +130,7 @@ def demo(
     if code := code_of_plan(made):
         return code
     settled = configuration.run
-    execution = run_into(run_file, made, settled.feedback, settled.plant, force, origin_of(configuration), progress)
+    execution = run_into(run_file, made, settled.feedback, settled.plant, threads, force, origin_of(configuration), progress)
     if not as_json:
         print(f"{execution}\n")
     if code := code_of_run(execution):
@@ -148,6 +152,7 @@ def run_into(
     plan: "Plan",
     feedback: str,
     plant: str,
+    threads: int,
     force: bool,
     origin: dict[str, str],
     progress: Progress,
@@ -160,8 +165,9 @@ def run_into(
     from ..doctor import header
 
     try:
+        more = {} if threads == 1 else {"threads": threads}
+        made = plants.make_plant(plant, plan.arm, plan.scene, **more)
         plants.warmup(plant, progress)
-        made = plants.make_plant(plant, plan.arm, plan.scene)
         if not isinstance(progress, NullProgress):
             say(header(made, plan.schedule.activation().groups))
         execution = execute(
