@@ -17,6 +17,7 @@ from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.asking.wrapping import Curl, Swing
 from octoctrl.planners.solving.grasping import nearest
+from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.scene.objects import Box, Capsule
 from octoctrl.sim.topology.measures import writhe
@@ -46,7 +47,7 @@ def run(plan, schedule, objects, model, tugged=False):
             }
     found |= {
         "Wr": abs(writhe(recording.points[-1])),
-        "depth": max(recording.series[f"touch {item.name}"][:, 53].max() for item in objects),
+        "depth": max(Touch.of(recording.series, item.name).deepest.max() for item in objects),
     }
     if tugged and found["C"] > 0.3:
         along = tugs(plant, schedule.activation(), objects[0].name, model=model)["along"]

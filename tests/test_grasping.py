@@ -31,8 +31,8 @@ from octoctrl.planners.solving.grasping import (
 from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.activation import Wave
-from octoctrl.sim.contact.bodies import rows_of
-from octoctrl.sim.contact.columns import Body
+from octoctrl.sim.contact.bodies import notes_of, rows_of
+from octoctrl.sim.contact.columns import Note
 from octoctrl.sim.contact.hold import Hold, recorded_object
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Plane, Sphere, frame_of
@@ -120,7 +120,7 @@ def test_the_curve_is_measured_once_and_gives_the_turns_that_are_asked_for(tmp_p
     ids=lambda item: type(item).__name__,
 )
 def test_an_object_is_known_again_from_what_was_recorded(item):
-    found = recorded_object(rows_of([item])[0], "post")
+    found = recorded_object(notes_of(rows_of([item]))[0], "post")
     assert type(found) is type(item) and found.sizes == pytest.approx(item.sizes) and found.position == pytest.approx(item.position)
     np.testing.assert_allclose(frame_of(found), frame_of(item), atol=1e-12)
 
@@ -136,7 +136,7 @@ class Wound:
         around = np.linspace(np.pi, 3 * np.pi, 101)[1:]
         beside = np.stack([0.05 * np.cos(around), 0.05 * np.sin(around), np.full(100, 0.02)], axis=1)
         self.points = np.concatenate([on, beside])[None]
-        self.series = {"touch post": rows_of([item])[None, 0]}
+        self.series = {"touch post": notes_of(rows_of([item]))[None, 0]}
 
 
 def test_covered_winding_counts_what_lies_on_the_object():
@@ -153,7 +153,7 @@ def test_the_angle_of_a_turning_object():
     frames = np.array([[[np.cos(a), 0, -np.sin(a)], [0, 1, 0], [np.sin(a), 0, np.cos(a)]] for a in angle])
     wound = Wound()
     row = np.repeat(wound.series["touch post"], 40, axis=0)
-    row[:, Body.FRAME : Body.FRAME + 9] = frames.reshape(40, 9)
+    row[:, Note.FRAME : Note.FRAME + 9] = frames.reshape(40, 9)
     wound.series, wound.points = {"touch post": row}, np.repeat(wound.points, 40, axis=0)
     np.testing.assert_allclose(Hold.of(wound, np.full(400, 4e-3), "post").spun, angle, atol=1e-6)
 
@@ -230,7 +230,7 @@ def test_the_verdict_of_a_hold(hold):
     assert 0.9 < checks["post.covered_winding"].value < checks["post.winding"].value and not checks["post.winding"].judged
     assert str(oc.verify(run)).rstrip().endswith("VERDICT pass (7/7)")
     notes = run.recording.series["touch post"].copy()
-    notes[200, Body.DEEPEST] = 2e-4
+    notes[200, Note.DEEPEST] = 2e-4
     deep = replace(run, recording=replace(run.recording, series={"touch post": notes}))
     assert not oc.verify(deep).passed
     loose = run.recording.points.copy()

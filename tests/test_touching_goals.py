@@ -8,7 +8,7 @@ import pytest
 import octoctrl as oc
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.registry import goal, goal_kinds
-from octoctrl.sim.contact.bodies import rows_of
+from octoctrl.sim.contact.bodies import notes_of, rows_of
 from octoctrl.sim.contact.columns import Body
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.objects import Capsule, frame_of
@@ -25,7 +25,7 @@ def outputs(points, *, moved=None, frames=None):
     rows = rows_of([LEFT, RIGHT, BAR])
     for column, values in (moved or {}).items():
         rows[2, column : column + np.size(values)] = np.ravel(values)
-    count = len(points) - 1
+    rows, count = notes_of(rows), len(points) - 1
     recording = SimpleNamespace(
         time=np.zeros(1),
         points=np.asarray(points, dtype=float)[None],

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..scene.objects import RigidObject, frame_of
 from ..scene.supports import Fixed, Free, Moved, Springs
-from .columns import Body
+from .columns import Body, Note
 
 Floats = NDArray[np.float64]
 
@@ -73,3 +73,12 @@ def kinetic_energy(row: Floats) -> float:
     along = row[Body.FRAME : Body.FRAME + 9].reshape(3, 3) @ row[Body.MOMENTUM : Body.MOMENTUM + 3]
     velocity = row[Body.VELOCITY : Body.VELOCITY + 3]
     return float(0.5 * velocity @ velocity / row[Body.INVERSE_MASS] + 0.5 * along**2 @ row[Body.INVERSE_INERTIA : Body.INVERSE_INERTIA + 3])
+
+
+def notes_of(bodies: Floats) -> Floats:
+    """Notes (M, Note.WIDTH) of the rows of bodies (M, Body.WIDTH) that nothing touches."""
+    notes = np.zeros((len(bodies), Note.WIDTH))
+    notes[:, : Note.FORCE], notes[:, Note.SLIPPED] = bodies[:, Body.POSITION : Body.MOMENTUM], bodies[:, Body.SLIPPED]
+    notes[:, Note.SHAPE : Note.SHAPE + 4] = bodies[:, Body.SHAPE : Body.SHAPE + 4]
+    notes[:, Note.HOME_AXIS : Note.HOME_AXIS + 3] = bodies[:, Body.HOME_AXIS : Body.HOME_AXIS + 3]
+    return notes

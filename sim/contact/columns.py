@@ -49,7 +49,8 @@ class Note(IntEnum):
     FORCE, COUPLE = 15, 18  # 3 and 3, from the arm, means of the sample
     NORMAL, DEEPEST, LOADED = 21, 22, 23  # mean sum of normal forces, deepest overlap, mean number of points
     SLIPPED = 24
-    WIDTH = 25
+    SHAPE, SIZE, HOME_AXIS = 25, 26, 29  # 1, 3 and 3, by which a recording alone tells how the body is held
+    WIDTH = 32
 
 
 class Anchor(IntEnum):

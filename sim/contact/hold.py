@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.objects import SHAPES, Box, Capsule, Cylinder, Plane, RigidObject, Sphere
-from .columns import Body
+from .columns import Note
 from .measures import COVERED, gaps, turns
 from .surroundings import PREFIX, Touch
 
@@ -83,7 +83,7 @@ class Hold:
             beyond=np.maximum(np.abs(along) - half, 0.0),
             turned=turns(recording.points, touch.position, touch.frame),
             item=item,
-            home=recording.series[PREFIX + name][0, Body.HOME_AXIS : Body.HOME_AXIS + 3],
+            home=recording.series[PREFIX + name][0, Note.HOME_AXIS : Note.HOME_AXIS + 3],
             middle=middle,
         )
 
@@ -142,10 +142,10 @@ def girth(item: RigidObject) -> float:
 
 def recorded_object(row: Floats, name: str) -> RigidObject:
     """The object whose shape and sizes a `row` of a recording holds, fixed where it was, under its `name`."""
-    kind = list(SHAPES.values())[int(row[Body.SHAPE])]
-    first, second, third = (float(size) for size in row[Body.SIZE : Body.SIZE + 3])
-    x, y, z = (float(value) for value in row[Body.POSITION : Body.POSITION + 3])
-    a, b, c = (float(value) for value in row[Body.FRAME + 6 : Body.FRAME + 9])
+    kind = list(SHAPES.values())[int(row[Note.SHAPE])]
+    first, second, third = (float(size) for size in row[Note.SIZE : Note.SIZE + 3])
+    x, y, z = (float(value) for value in row[Note.POSITION : Note.POSITION + 3])
+    a, b, c = (float(value) for value in row[Note.FRAME + 6 : Note.FRAME + 9])
     placed: dict[str, Any] = {"name": name, "position": (x, y, z), "axis": (a, b, c)}
     if kind is Sphere:
         return Sphere(radius=first, **placed)

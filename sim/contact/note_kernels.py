@@ -11,6 +11,7 @@ MOVING, POSITION, IMPULSE, NORMAL, DEEPEST, LOADED, SLIPPED = (
 FORCE, NOTED_NORMAL, NOTED_DEEPEST, NOTED_LOADED, NOTED_SLIPPED = (
     int(c) for c in (Note.FORCE, Note.NORMAL, Note.DEEPEST, Note.LOADED, Note.SLIPPED)
 )
+SHAPE, HOME_AXIS, NOTED_SHAPE, NOTED_AXIS = int(Body.SHAPE), int(Body.HOME_AXIS), int(Note.SHAPE), int(Note.HOME_AXIS)
 PLACED = int(Body.MOMENTUM - Body.POSITION)
 """Columns of position, frame and velocity, side by side in a body's row and in a note."""
 
@@ -24,6 +25,10 @@ def note(world: World, sample: int, h: float, steps: int) -> None:
             straighten(bodies[j])
         for i in range(PLACED):
             notes[sample, j, i] = bodies[j, POSITION + i]
+        for i in range(4):
+            notes[sample, j, NOTED_SHAPE + i] = bodies[j, SHAPE + i]
+        for i in range(3):
+            notes[sample, j, NOTED_AXIS + i] = bodies[j, HOME_AXIS + i]
         if bodies[j, LOADED] > 0:
             for i in range(7):
                 notes[sample, j, FORCE + i] = bodies[j, IMPULSE + i] / (h * steps)

@@ -11,7 +11,7 @@ from ..contracts import Motion, joined
 from ..errors import OctoctrlError
 from ..scene.objects import RigidObject, frame_of
 from ..scene.supports import Free
-from .bodies import release
+from .bodies import notes_of, release
 from .columns import Anchor, Body, Note
 from .markers import markers_of
 from .measures import gaps
@@ -176,8 +176,7 @@ class Surroundings:
     def now(self) -> dict[str, Floats]:
         """What is to be noted of the present instant, by name of the object."""
         bodies, forces = self.world.bodies, self.world.anchors[..., Anchor.NORMAL]
-        notes = np.zeros((len(bodies), Note.WIDTH))
-        notes[:, : Note.FORCE], notes[:, Note.SLIPPED] = bodies[:, Body.POSITION : Body.MOMENTUM], bodies[:, Body.SLIPPED]
+        notes = notes_of(bodies)
         notes[:, Note.NORMAL], notes[:, Note.LOADED] = forces.sum(axis=1), (forces > 0).sum(axis=1)
         return {f"{PREFIX}{item.name}": note for item, note in zip(self.objects, notes, strict=True)}
 
