@@ -36,6 +36,11 @@ SPIN_ARM = 1e-3
 """Lever (m) that turns the linear drag of rings and helices into a drag on their spin, as in the source, where one number serves both."""
 INERTIA_FLOOR = 0.8
 """Rotary inertia is at least (shear + bending stiffness of the element) times (this times the step)^2: twice what stability needs."""
+LEAST_SPIN_RATE = 20.0
+"""Rate (1/s) of the drag on the spin of rings and helices in the thinnest water, and in none, since fibres are held by their tissue.
+
+Without it, twist waves that run to the thin end of a helix spin it faster and faster, until its elements turn over within a step.
+"""
 
 R = AssemblyRow
 
@@ -264,8 +269,11 @@ def fill_parameters(
     soften = 0.0 if published else h
     muscles, helices = straight_mass(arm, geometry, soften), oblique_mass(arm, geometry, soften)
     held_rods = None if held else 1
-    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], soften, muscles, held_rods)
-    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], soften, helices, held_rods if held else 0)
+    spin_rates = (
+        rates if published else tuple(max(rate, least) for rate, least in zip(rates, (0.0, LEAST_SPIN_RATE, LEAST_SPIN_RATE), strict=True))
+    )
+    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], spin_rates[0], soften, muscles, held_rods)
+    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], spin_rates[1], soften, helices, held_rods if held else 0)
     rows = buffer.open_rods
     ghosts = rows[R.JOINT_LENGTH] == 0
     rows[R.JOINT_LENGTH, ghosts] = 1.0
@@ -273,7 +281,7 @@ def fill_parameters(
     ghosts = rows[R.LENGTH] == 0
     rows[R.LENGTH, ghosts], rows[R.REST_RADIUS, ghosts] = apart[ghosts], 1e-3
     rows[R.STRETCH] = buffer.rings[R.STRETCH] = 1.0
-    _fill_rings(buffer, arm, geometry.rings, h, rates[2], soften, 1 if held else 0)
+    _fill_rings(buffer, arm, geometry.rings, h, rates[2], spin_rates[2], soften, 1 if held else 0)
     if anatomy.traits.graded:
         graded: Any = arm  # an arm with this trait knows them
         strength, pace = graded.ring_grades(geometry.grid.rings)
@@ -294,7 +302,16 @@ def _inertia(stiff: Stiffness, family: RodFamily, h: float) -> tuple[Floats, Flo
 
 
 def _fill_open(
-    buffer: AssemblyBuffer, arm: Arm, family: RodFamily, view: Any, h: float, rate: float, floor: float, mass: Floats, held: int | None
+    buffer: AssemblyBuffer,
+    arm: Arm,
+    family: RodFamily,
+    view: Any,
+    h: float,
+    rate: float,
+    spin_rate: float,
+    floor: float,
+    mass: Floats,
+    held: int | None,
 ) -> None:
     """The first nodes of so many rods (None: of all) are `held`, and all rods' first elements."""
     stiff, length = stiffness(arm, family), family.length
@@ -318,7 +335,7 @@ def _fill_open(
     decay, weight = damped(np.full(family.node_mass.shape, rate), h)
     decay[:held, 0] = weight[:held, 0] = 0.0
     view(R.NODE_DECAY, True)[:], view(R.NODE_MOBILITY, True)[:] = decay, weight / mass
-    _set_spin(view, family, bending, twisting, rate, h, np.s_[:, 0])
+    _set_spin(view, family, bending, twisting, spin_rate, h, np.s_[:, 0])
 
 
 def _set_spin(view: Any, family: RodFamily, bending: Floats, twisting: Floats, rate: float, h: float, held: Any) -> None:
@@ -331,7 +348,9 @@ def _set_spin(view: Any, family: RodFamily, bending: Floats, twisting: Floats, r
         view(decay_row)[:], view(mobility_row)[:] = decay, weight / inertia
 
 
-def _fill_rings(buffer: AssemblyBuffer, arm: Arm, family: RodFamily, h: float, rate: float, floor: float, held: int) -> None:
+def _fill_rings(
+    buffer: AssemblyBuffer, arm: Arm, family: RodFamily, h: float, rate: float, spin_rate: float, floor: float, held: int
+) -> None:
     """The first so many rings are `held`."""
     stiff, length = stiffness(arm, family), family.length
     bending, twisting = _inertia(stiff, family, floor)
@@ -356,7 +375,7 @@ def _fill_rings(buffer: AssemblyBuffer, arm: Arm, family: RodFamily, h: float, r
     _set_ring(buffer, R.NODE_DECAY, decay, ghost=0.0)
     _set_ring(buffer, R.NODE_MOBILITY, weight / family.node_mass, ghost=0.0)
 
-    _set_spin(buffer.ring, family, bending, twisting, rate, h, np.s_[:held])
+    _set_spin(buffer.ring, family, bending, twisting, spin_rate, h, np.s_[:held])
 
 
 def _fill_connections(buffer: AssemblyBuffer, arm: Arm, geometry: AssemblyGeometry, h: float) -> None:
