@@ -8,7 +8,6 @@ import numpy as np
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.solving.grasping import held_at_the_end, objects_held
-from octoctrl.sim.topology.measures import writhe
 
 from ..carrying.results import Check, Execution
 
@@ -32,6 +31,8 @@ def holding_checks(execution: Execution) -> Iterator[Check]:
         Depth and, where the task ends in a hold, drift with limits; covered winding, winding, size of the cord's writhe, normal force,
         loaded points and slip at the end as they are. Writhe jumps by two between runs that look alike: nothing is judged by it.
     """
+    from octoctrl.sim.topology.measures import writhe
+
     plan, recording = execution.plan, execution.recording
     outputs = RecordedOutputs(recording, execution.trace, plan.arm)
     late = recording.time >= recording.time[-1] - LATE

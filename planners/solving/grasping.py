@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.contact.hold import free_turns, girth
-from octoctrl.sim.contact.measures import gaps
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.objects import Capsule, Cylinder, RigidObject, frame_of
 from octoctrl.sim.scene.scene import Scene
@@ -70,6 +68,8 @@ def check_objects(task: Task, scene: Scene) -> None:
 
 def nearest(arm: Arm, item: RigidObject) -> tuple[float, float, float]:
     """Where an arm at rest is nearest to an object: arclength (m), gap (m), and the azimuth towards it (rad)."""
+    from octoctrl.sim.contact.measures import gaps
+
     s = np.linspace(0.0, arm.length, 401)
     places = np.stack([np.zeros_like(s), s, np.zeros_like(s)], axis=1)
     gap = gaps(places[None], item, np.array([item.position]), frame_of(item)[None])[0] - np.asarray(arm.section(s).outer_radius)
@@ -93,6 +93,8 @@ def too_short(task: Task, arm: Arm, scene: Scene) -> str:
 
     The rest of the arm beyond the point of first touch must go round ``ENOUGH_TURNS`` times, its own mean radius included.
     """
+    from octoctrl.sim.contact.hold import free_turns, girth
+
     items = {item.name: item for item in scene.objects}
     for phase in task.phases:
         for goal in phase.goals:
@@ -147,6 +149,8 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene, start: int = 0) -> Task:
 
 def touch_time(plan: Plan) -> float:
     """When a plan's arm first comes as near as `TOUCHES` to an object that its goals name, s; infinite if it never does."""
+    from octoctrl.sim.contact.measures import gaps
+
     held = objects_held(plan.task)
     radius = np.asarray(plan.arm.section(plan.arm.edges).outer_radius)
     if not plan.strains.size:
