@@ -49,6 +49,7 @@ def named(kind):
 
 special = {
     "tip": st.fixed_dictionaries(common | {"value": vectors}),
+    "shape": st.fixed_dictionaries(common | {"value": st.lists(vectors, min_size=1, max_size=3).map(tuple)}),
     "tip_tangent": st.fixed_dictionaries(common | {"direction": st.permutations((0.0, 1.0, 0.0)).map(tuple)}),
     "keep_out": st.fixed_dictionaries(common | {"shape": bodies, "margin": positive}),
     **{

@@ -53,7 +53,7 @@ def test_there_are_no_other_examples_and_none_is_long():
 
 def test_coil_passes_its_verdict(printed):
     text = printed("01_coil")
-    assert "Solved:" in text and re.search(r"VERDICT pass \((\d+)/\1\)", text)
+    assert "Solved, but in doubt:" in text and re.search(r"VERDICT pass \((\d+)/\1\)", text)
 
 
 def test_composed_primitives_twist_writhe_and_shorten_the_arm(printed):
@@ -72,7 +72,7 @@ def test_feedback_halves_the_error_of_a_wrong_model(printed):
 
 def test_own_primitive_is_planned_and_meets_its_goals(printed):
     text = printed("04_own_primitive")
-    assert "Solved:" in text and re.search(r"screw\s+Corkscrew", text)
+    assert "Solved, but in doubt:" in text and re.search(r"screw\s+Corkscrew", text)
     assert re.search(r"wind\.twist .* pass", text) and re.search(r"wind\.lifted_writhe .* pass", text)
 
 

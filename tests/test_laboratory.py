@@ -39,7 +39,7 @@ def test_trials_of_the_full_arm_are_of_any_of_its_plants():
     one, other = draw("full arm, all groups", 0, 3), draw("full arm, all groups", 0, 3, "assembly-coarse")
     assert (one.plant, other.plant, draw("gentle", 0, 3, "assembly-coarse").plant) == ("assembly", "assembly-coarse", "rod")
     assert replace(other, plant="assembly") == one
-    short = replace(other, plant="assembly-coarse-mixed", duration=0.02)
+    short = replace(other, duration=0.02)
     outcome = perform(short)
     assert outcome.ending is Ending.FINISHED and outcome.volume is not None and outcome.simulated == pytest.approx(0.02)
 

@@ -79,7 +79,7 @@ def test_the_stop_is_timed_to_the_step_and_later_samples_are_dropped():
 
 
 def test_a_sample_that_outruns_its_step_is_tried_again_at_finer_ones():
-    trial = draw("waves", 0, 21)
+    trial = draw("waves", 0, 3)
     plant, cut = Plant(Arm(**trial.arm)), Plant(Arm(**trial.arm))
     recording = plant.advance(trial.activation, 0.5)
     assert recording.complete and plant.retried > 0 and plant.h == plant.sample_interval / plant.steps

@@ -14,6 +14,7 @@ from octoctrl.files.configuration import parse
 from octoctrl.files.toml_writing import toml_of
 from octoctrl.sim.assembly.buffer import new_assembly, set_rest
 from octoctrl.sim.assembly.geometry import assembly_geometry, assembly_grid
+from octoctrl.sim.body.arm import LumpedSection
 from octoctrl.sim.body.squid import SquidTentacle
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.findings import Finding, Stop
@@ -60,7 +61,7 @@ def test_a_copy_is_a_plant_of_its_own(kind, way):
 
 
 def test_the_example_of_the_bent_arm():
-    plant = oc.Plant()
+    plant = oc.Plant(oc.Arm.octopus(lumped=LumpedSection.published()))
     plant.advance(BEND, 0.5)
     twin = copy.deepcopy(plant)
     twin.advance(BEND, 0.5)
