@@ -49,26 +49,25 @@ def shared_level(azimuth: float, level: float) -> dict[str, float]:
     return {name: share for name, share in shares.items() if share > 1e-9}
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Bending:
-    """What bends towards an azimuth share."""
+    """Numbers of what bends towards an azimuth; a subclass shares its level among the muscles of that side in `templates`."""
 
-    def _settle(self) -> None:
-        made: Any = self
-        for name in ("window", "span"):
-            if isinstance(getattr(made, name, None), list):
-                object.__setattr__(self, name, tuple(getattr(made, name)))
-        check_number("azimuth", made.azimuth, unit="rad")
+    azimuth: float = 0.0
+    level: float = 0.25
+
+    def __post_init__(self) -> None:
+        check_number("azimuth", self.azimuth, unit="rad")
         if not unresolved(self):
-            made.templates()
+            self.templates()
 
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """Ranges in which a search may choose."""
+    def templates(self) -> tuple[Template, ...]:
+        """What each muscle of the side does."""
         raise NotImplementedError
 
     def effort(self, seconds: Expression) -> Expression:
         """Squared level times the `seconds` for which it is on."""
-        made: Any = self
-        return made.level**2 * seconds
+        return self.level**2 * seconds
 
 
 @register_primitive
@@ -98,8 +97,6 @@ class Curl(_Bending):
         Arclength at which the arm would end if it tapered to nothing.
     """
 
-    azimuth: float = 0.0
-    level: float = 0.25
     profile: float = 0.4
     start: Length = 0.0
     stop: Length = NEARLY_ALL
@@ -109,9 +106,6 @@ class Curl(_Bending):
     offset: float = inf
     width: float = 3e-3
     apex: Length = TAPERS_OUT
-
-    def __post_init__(self) -> None:
-        self._settle()
 
     def templates(self) -> tuple[Template, ...]:
         """A wave on each muscle of the side."""
@@ -141,7 +135,6 @@ class Swing(_Bending):
     onset, rise, offset, fall : float, s
     """
 
-    azimuth: float = 0.0
     level: float = 0.1
     start: Length = 0.0
     stop: Length = 0.04
@@ -149,9 +142,6 @@ class Swing(_Bending):
     rise: float = 0.5
     offset: float = inf
     fall: float = 0.5
-
-    def __post_init__(self) -> None:
-        self._settle()
 
     def templates(self) -> tuple[Template, ...]:
         """A plateau on each muscle of the side."""
