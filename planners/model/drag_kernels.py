@@ -4,12 +4,14 @@ Shape and force take real or complex numbers, as in `fibre_kernels`. A motion m 
 the water's impulse on it is h F(J_j m / h), F(v) = c v + d |v_n| v_n across the tangent, with a rotational drag beside it.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from octoctrl.sim.compiler import kernel
+
+from .fibre_kernels import Number, Numbers
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +56,7 @@ def shape_buffers(elements: int, kind: type = float) -> Shape:
 
 
 @kernel
-def set_shape(q, elements, shape):
+def set_shape(q: Numbers, elements: Any, shape: Any) -> None:
     """Shape at the strains `q` (S, 4)."""
     frame, points = shape.frame, shape.points
     frame[:] = 0
@@ -107,7 +109,7 @@ def set_shape(q, elements, shape):
 
 
 @kernel
-def drag_impulse(motion, h, elements, shape, out):
+def drag_impulse(motion: Numbers, h: Number, elements: Any, shape: Any, out: Numbers) -> None:
     """Impulse (S, 4) of the water against a motion of the strains (S, 4) within `h`; leaves what each node moves by in `shape`."""
     zero = 0 * (motion[0, 0] + shape.points[0, 0] + h)
     s0, s1, s2, a0, a1, a2 = zero, zero, zero, zero, zero, zero
@@ -155,7 +157,7 @@ def drag_impulse(motion, h, elements, shape, out):
 
 
 @kernel
-def drag_tangent(h, elements, shape, jacobian, wrench, tangent):
+def drag_tangent(h: Number, elements: Any, shape: Any, jacobian: Numbers, wrench: Numbers, tangent: Numbers) -> None:
     """Derivative (4 S, 4 S) of `drag_impulse` by the motion, real, after a call of it; `jacobian` (9, 4 S), `wrench` (6, 4 S): buffers.
 
     Rows of `jacobian`: velocity of the point at the base, spin, velocity of the node.

@@ -5,7 +5,7 @@ branches look at real parts and nothing takes a size, so that a derivative along
 argument with an imaginary part of `TINY`, exact to rounding (complex step: Squire & Trapp 1998).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 from octoctrl.sim.compiler import kernel
 
 Floats = NDArray[np.float64]
+Numbers = NDArray[Any]
+"""Real, or complex where slopes are taken by a complex step."""
+Number = Any
+"""One of them."""
 
 TINY = 1e-30
 """Imaginary part of a complex step."""
@@ -99,7 +103,7 @@ RIGHT, LEFT, RING = 8, 9, 10
 
 
 @kernel
-def polynomial(law, first, x):
+def polynomial(law: Any, first: int, x: Number) -> Number:
     """Value of the polynomial of a law that begins at `first`."""
     value = law[first] + 0 * x
     for index in range(first + 1, first + TERMS):
@@ -108,7 +112,7 @@ def polynomial(law, first, x):
 
 
 @kernel
-def hinge(x, width):
+def hinge(x: Number, width: Number) -> Number:
     """max(x, 0) with a parabola between -width and width."""
     if x.real <= -width:
         return 0 * x
@@ -119,7 +123,7 @@ def hinge(x, width):
 
 
 @kernel
-def active_stress(law, s):
+def active_stress(law: Any, s: Number) -> Number:
     """Active stress at full level, Pa."""
     held = s
     if s.real <= law[OF.low]:
@@ -130,7 +134,7 @@ def active_stress(law, s):
 
 
 @kernel
-def passive_stress(law, s):
+def passive_stress(law: Any, s: Number) -> Number:
     """Stress of the resting tissue, Pa."""
     if s.real > law[OF.top]:
         curve = polynomial(law, OF.passive, law[OF.top] + 0 * s) + law[OF.end_slope] * (s - law[OF.top])
@@ -143,7 +147,7 @@ def passive_stress(law, s):
 
 
 @kernel
-def hill_secant(law, rate):
+def hill_secant(law: Any, rate: Number) -> Number:
     """Loss of active stress per stretch rate, s, over the isometric stress."""
     square = rate * rate
     size = np.sqrt(square + RATE_BLEND * RATE_BLEND)
@@ -156,7 +160,7 @@ def hill_secant(law, rate):
 
 
 @kernel
-def radius_factor(q, levels, place, hoop, squeeze):
+def radius_factor(q: Numbers, levels: Numbers, place: Any, hoop: Number, squeeze: Number) -> tuple[Number, ...]:
     """Radius over rest radius of a section, and its first and second derivative by the stretch."""
     narrowed = 1 + squeeze * place[AT.narrowing] * (levels[RIGHT] + levels[LEFT])
     lam = np.exp(-hoop * np.log(q[3])) / narrowed
@@ -165,7 +169,7 @@ def radius_factor(q, levels, place, hoop, squeeze):
 
 
 @kernel
-def fibre_length(q, lam, lam1, rho, side, turn, gradient):
+def fibre_length(q: Numbers, lam: Number, lam1: Number, rho: Number, side: Number, turn: Number, gradient: Numbers) -> Number:
     """Length per rest length of the arm of a fibre at the distance `rho` from the axis, on a `side` (2) of it; its gradient by the strains
     goes to `gradient`.
     """
@@ -181,19 +185,21 @@ def fibre_length(q, lam, lam1, rho, side, turn, gradient):
 
 
 @kernel
-def winding(index, fibres):
+def winding(index: int, fibres: Any) -> Number:
     """Turn of the oblique fibres `index` about the axis, 1/m."""
     return fibres.pitch_rate if index == RIGHT else -fibres.pitch_rate
 
 
 @kernel
-def viscous_tension(law, area, level, s, rest, h, moved):
+def viscous_tension(law: Any, area: Number, level: Number, s: Number, rest: Number, h: Number, moved: Number) -> Number:
     """Viscous impulse along a fibre whose length changes by `moved` within `h`; `level` carries the factor on the viscosity."""
     return area * level * active_stress(law, s) / (s * rest) * hill_secant(law, moved / (h * rest)) * moved
 
 
 @kernel
-def add_viscous(law, area, level, s, rest, h, motion, gradient, out):
+def add_viscous(
+    law: Any, area: Number, level: Number, s: Number, rest: Number, h: Number, motion: Numbers, gradient: Numbers, out: Numbers
+) -> None:
     """Add the viscous impulse of one fibre to `out`."""
     moved = gradient[0] * motion[0] + gradient[1] * motion[1] + gradient[2] * motion[2] + gradient[3] * motion[3]
     tension = viscous_tension(law, area, level, s, rest, h, moved)
@@ -202,7 +208,9 @@ def add_viscous(law, area, level, s, rest, h, motion, gradient, out):
 
 
 @kernel
-def section_residual(q, motion, levels, h, place, fibres, gradient, ahead, out):
+def section_residual(
+    q: Numbers, motion: Numbers, levels: Numbers, h: Number, place: Any, fibres: Any, gradient: Numbers, ahead: Any, out: Numbers
+) -> None:
     """Viscous impulse at the strains `q` plus elastic impulse at `q + motion` of a step `h`, J s per unit strain, into `out` (4).
 
     `levels` (11) are those at the end of the step; `gradient` and `ahead` (4) are buffers.
@@ -254,7 +262,9 @@ def section_residual(q, motion, levels, h, place, fibres, gradient, ahead, out):
 
 
 @kernel
-def add_viscous_tangent(law, area, level, s, rest, h, motion, gradient, tangent):
+def add_viscous_tangent(
+    law: Any, area: Number, level: Number, s: Number, rest: Number, h: Number, motion: Numbers, gradient: Numbers, tangent: Numbers
+) -> None:
     """Add the derivative of `add_viscous` by the motion to `tangent` (4, 4)."""
     moved = gradient[0] * motion[0] + gradient[1] * motion[1] + gradient[2] * motion[2] + gradient[3] * motion[3]
     slope = viscous_tension(law, area, level, s, rest, h, moved + 1j * TINY).imag / TINY
@@ -264,7 +274,7 @@ def add_viscous_tangent(law, area, level, s, rest, h, motion, gradient, tangent)
 
 
 @kernel
-def pull_and_stiffness(law, area, level, embedded, s, rest):
+def pull_and_stiffness(law: Any, area: Number, level: Number, embedded: Number, s: Number, rest: Number) -> tuple[Number, ...]:
     """Tension of a fibre over its stretch, and the derivative of that by its length, which is `rest` at rest."""
     shifted = s + 1j * TINY
     pull = area * (level * active_stress(law, shifted) + embedded * passive_stress(law, shifted)) / shifted
@@ -272,7 +282,10 @@ def pull_and_stiffness(law, area, level, embedded, s, rest):
 
 
 @kernel
-def add_fibre_tangent(pull, stiffness, length, e, bent, turned, lam, lam1, lam2, across, along, rho, gradient, tangent):
+def add_fibre_tangent(
+    pull: Number, stiffness: Number, length: Number, e: Number, bent: Number, turned: Number, lam: Number, lam1: Number, lam2: Number,
+    across: Number, along: Number, rho: Number, gradient: Numbers, tangent: Numbers,
+) -> None:  # fmt: skip
     """Add the derivative of pull times the gradient of length^2 = x^2 + b^2, x = e + lam bent, b = lam turned."""
     x, b, by = e + lam * bent, lam * turned, pull / length
     for i in range(4):
@@ -295,7 +308,9 @@ def add_fibre_tangent(pull, stiffness, length, e, bent, turned, lam, lam1, lam2,
 
 
 @kernel
-def section_tangent(q, motion, levels, h, place, fibres, gradient, ahead, tangent):
+def section_tangent(
+    q: Numbers, motion: Numbers, levels: Numbers, h: Number, place: Any, fibres: Any, gradient: Numbers, ahead: Any, tangent: Numbers
+) -> None:
     """Derivative (4, 4) of `section_residual` by the motion, for real numbers."""
     for i in range(4):
         for j in range(4):

@@ -28,7 +28,7 @@ CARRIED = 8
 
 
 @kernel
-def triangle(p, a, b, by_a, by_b):
+def triangle(p: Floats, a: Floats, b: Floats, by_a: Floats, by_b: Floats) -> float:
     """Signed area of a spherical triangle; adds its gradients by `a` and `b`."""
     n = p[0] * (a[1] * b[2] - a[2] * b[1]) + p[1] * (a[2] * b[0] - a[0] * b[2]) + p[2] * (a[0] * b[1] - a[1] * b[0])
     d = 1 + p[0] * a[0] + p[1] * a[1] + p[2] * a[2] + a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + b[0] * p[0] + b[1] * p[1] + b[2] * p[2]
@@ -44,7 +44,10 @@ def triangle(p, a, b, by_a, by_b):
 
 
 @kernel
-def sweep_out(q, pole, hats, widths, stretch_hats, lengths, tangents, pulls, turning, spins, extents, values):
+def sweep_out(
+    q: Floats, pole: Floats, hats: Floats, widths: Floats, stretch_hats: Floats, lengths: Floats, tangents: Floats, pulls: Floats,
+    turning: Floats, spins: Floats, extents: Floats, values: Floats,
+) -> None:  # fmt: skip
     """Outputs of the strains `q` (S, 4) into `values`, and in the buffers what `sweep_back` needs.
 
     `tangents` (m + 1, 3) at the stations, `pulls` (m + 1, 3) of the area on them, `turning` (m, 3, 3) of everything beyond an interval by
@@ -113,7 +116,7 @@ def sweep_out(q, pole, hats, widths, stretch_hats, lengths, tangents, pulls, tur
 
 
 @kernel
-def add_cross(row, t, g, weight):
+def add_cross(row: Floats, t: Floats, g: Floats, weight: float) -> None:
     """Add weight t x g to `row`."""
     row[0] += weight * (t[1] * g[2] - t[2] * g[1])
     row[1] += weight * (t[2] * g[0] - t[0] * g[2])
@@ -121,7 +124,10 @@ def add_cross(row, t, g, weight):
 
 
 @kernel
-def sweep_back(hats, widths, stretch_hats, lengths, tangents, pulls, turning, spins, extents, units, carried, gradients):
+def sweep_back(
+    hats: Floats, widths: Floats, stretch_hats: Floats, lengths: Floats, tangents: Floats, pulls: Floats, turning: Floats, spins: Floats,
+    extents: Floats, units: Floats, carried: Floats, gradients: Floats,
+) -> None:  # fmt: skip
     """Gradients (11, S, 4) of the outputs after `sweep_out`; `units` is the identity (3, 3), `carried` (8, 3) a buffer."""
     gradients[:] = 0.0
     carried[:] = 0.0
@@ -156,7 +162,10 @@ def sweep_back(hats, widths, stretch_hats, lengths, tangents, pulls, turning, sp
 
 
 @kernel
-def outputs_along(strains, pole, hats, widths, stretch_hats, lengths, units, values, gradients):
+def outputs_along(
+    strains: Floats, pole: Floats, hats: Floats, widths: Floats, stretch_hats: Floats, lengths: Floats, units: Floats, values: Floats,
+    gradients: Floats,
+) -> None:  # fmt: skip
     """Outputs (T, 11) of T instants, and their gradients (T, 11, S, 4) where `gradients` has as many instants."""
     count, elements = len(widths), len(lengths)
     tangents, pulls, extents = np.empty((count + 1, 3)), np.empty((count + 1, 3)), np.empty(elements)

@@ -12,7 +12,7 @@ states. At fixed m the derivatives of R by q, u and h along any direction are th
 are those of the motion. First order in h, stable at every h that was tried (0.01 to 0.5 s).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +78,7 @@ def buffers(sections: int, elements: int, groups: int, columns: int) -> Buffers:
 
 
 @kernel
-def factorise(matrix):
+def factorise(matrix: Floats) -> None:
     """L D L' of a symmetric positive definite matrix, in place: D on the diagonal, L below."""
     size = matrix.shape[0]
     for j in range(size):
@@ -94,7 +94,7 @@ def factorise(matrix):
 
 
 @kernel
-def substitute(factor, right):
+def substitute(factor: Floats, right: Floats) -> None:
     """Solve for the columns of `right` (n, p), in place, with what `factorise` left."""
     size, columns = right.shape
     for i in range(size):
@@ -112,7 +112,7 @@ def substitute(factor, right):
 
 
 @kernel
-def residual_and_tangent(q, motion, levels, h, model, room):
+def residual_and_tangent(q: Floats, motion: Floats, levels: Floats, h: float, model: Any, room: Any) -> None:
     """R and dR/dm of a step whose shape stands in the buffers already."""
     drag_impulse(motion, h, model.elements, room.shape, room.residual)
     drag_tangent(h, model.elements, room.shape, room.jacobian, room.wrench, room.tangent)
@@ -127,7 +127,7 @@ def residual_and_tangent(q, motion, levels, h, model, room):
 
 
 @kernel
-def solve_step(q, motion, levels, h, model, room):
+def solve_step(q: Floats, motion: Floats, levels: Floats, h: float, model: Any, room: Any) -> bool:
     """Improve `motion` until the residual vanishes; whether it did."""
     set_shape(q, model.elements, room.shape)
     before, damping = np.inf, 1.0
@@ -162,7 +162,7 @@ def solve_step(q, motion, levels, h, model, room):
 
 
 @kernel
-def begin_motion(motion, h, before):
+def begin_motion(motion: Floats, h: float, before: float) -> None:
     """First guess of a step's motion: the last one at the same rate."""
     for n in range(motion.shape[0]):
         for k in range(4):
@@ -170,7 +170,7 @@ def begin_motion(motion, h, before):
 
 
 @kernel
-def roll_out(start, levels, steps, model, room, motion, strains):
+def roll_out(start: Floats, levels: Floats, steps: Floats, model: Any, room: Any, motion: Floats, strains: Floats) -> Any:
     """Simulate N steps from `start` into `strains` (N + 1, S, 4); how many steps were solved. `motion` (S, 4): zero, or the step before."""
     strains[0] = start
     for t in range(len(steps)):
@@ -185,7 +185,10 @@ def roll_out(start, levels, steps, model, room, motion, strains):
 
 
 @kernel
-def residual_along(q, strain_slopes, motion, levels, level_slopes, h, step_slope, model, room, out):
+def residual_along(
+    q: Floats, strain_slopes: Floats, motion: Floats, levels: Floats, level_slopes: Floats, h: float, step_slope: Floats, model: Any,
+    room: Any, out: Floats,
+) -> None:  # fmt: skip
     """Derivative of R at fixed motion along one direction (4 S; groups, S; number), negative, into the column `out` (4 S)."""
     step = h + 1j * TINY * step_slope
     for n in range(q.shape[0]):
@@ -206,7 +209,7 @@ def residual_along(q, strain_slopes, motion, levels, level_slopes, h, step_slope
 
 
 @kernel
-def stands_still(strain_slopes, level_slopes, step_slope):
+def stands_still(strain_slopes: Floats, level_slopes: Floats, step_slope: Floats) -> bool:
     """Whether nothing depends on an unknown yet: those of later phases need no work before."""
     if step_slope != 0.0:
         return False
@@ -221,7 +224,10 @@ def stands_still(strain_slopes, level_slopes, step_slope):
 
 
 @kernel
-def roll_out_slopes(start, levels, level_slopes, steps, step_slopes, model, room, motion, strains, slopes):
+def roll_out_slopes(
+    start: Floats, levels: Floats, level_slopes: Floats, steps: Floats, step_slopes: Floats, model: Any, room: Any, motion: Floats,
+    strains: Floats, slopes: Floats,
+) -> Any:  # fmt: skip
     """As `roll_out`, with derivatives: `level_slopes` (N, groups, S, p), `step_slopes` (N, p) -> `slopes` (N + 1, 4 S, p)."""
     strains[0] = start
     slopes[0] = 0.0
@@ -252,7 +258,10 @@ def roll_out_slopes(start, levels, level_slopes, steps, step_slopes, model, room
 
 
 @kernel
-def linearise_steps(strains, levels, steps, model, room, motion, unit, none, transition, influence, drag):
+def linearise_steps(
+    strains: Floats, levels: Floats, steps: Floats, model: Any, room: Any, motion: Floats, unit: Floats, none: Floats, transition: Floats,
+    influence: Floats, drag: Floats,
+) -> None:  # fmt: skip
     """Linear model of every step of a motion (N + 1, S, 4) that `roll_out` made.
 
     `transition` (N, 4 S, 4 S) by the strains, `influence` (N, 4 S, groups, S) by the levels, `drag` (N, 4 S) by a common relative error of

@@ -11,8 +11,11 @@ so that force and moment stay, and so is what turns the outward direction. Sprin
 are left out.
 """
 
+from typing import Any
+
 import numpy as np
 
+from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from .crossing_kernels import crossing_offsets, transfer_kernels
 from .family_kernels import family_offsets
@@ -23,7 +26,7 @@ RING_PLACES = "ABDE"
 """Left and right node of a ring, and their opposites."""
 
 
-def between_kernels(grid):
+def between_kernels(grid: AssemblyGrid) -> Any:
     """Compile gathering, forces and handing on of the crossings of coarse rings.
 
     Returns

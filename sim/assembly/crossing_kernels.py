@@ -11,6 +11,8 @@ with radii at rest, so that the spring also turns o, by forces on q and on the o
 the present radii.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..body.grid import AssemblyGrid
@@ -23,14 +25,14 @@ ONE = np.uint64(1)
 RING_PLACES, HELIX_PLACES = "ABSDEO", "PHN"
 
 
-def crossing_offsets(grid):
+def crossing_offsets(grid: AssemblyGrid) -> Any:
     """Unsigned offsets of the crossings' rows in the one buffer."""
     start = int(spoke_offsets(grid)["S1"]) + len(SpokeRow) * stride_of(grid.spoke_slots, grid.lanes)
     stride = stride_of(grid.helices, grid.lanes)
     return {row.name: np.uint64(start + row * stride) for row in CrossingRow}
 
 
-def transfer_kernels(grid):
+def transfer_kernels(grid: AssemblyGrid) -> Any:
     """Compile what moves numbers between rods and crossings.
 
     Returns
@@ -80,7 +82,7 @@ def transfer_kernels(grid):
     return bring, fetch_radius, give, give_some
 
 
-def crossing_kernels(grid: AssemblyGrid, published: bool = False):
+def crossing_kernels(grid: AssemblyGrid, published: bool = False) -> Any:
     """Compile gathering, forces and handing on of the crossings, by the `published` law or with a potential.
 
     Returns

@@ -17,8 +17,11 @@ for a ring (Sherman & Morrison 1950, Ann. Math. Stat. 21:124). The neighbour of 
 open rods, the number of lanes for rings.
 """
 
+from typing import Any
+
 import numpy as np
 
+from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from ..physics.fibre_kernels import hill_secant, isometric_stress, passive_stress, passive_tangent
 from ..physics.rotation_kernels import joint_curvature, orthonormal, small_rotation, turned
@@ -29,19 +32,19 @@ NOTHING = 1e-30
 """Viscosity (kg/s) of what is no element."""
 
 
-def family_offsets(grid, rings):
+def family_offsets(grid: AssemblyGrid, rings: bool) -> Any:
     """Unsigned offsets of the rows of the open rods or of the rings in the one buffer."""
     open_stride = stride_of(grid.open_slots, grid.lanes)
     start, stride = (rings_begin(grid), stride_of(grid.ring_slots, grid.lanes)) if rings else (0, open_stride)
     return {row.name: np.uint64(start + row * stride) for row in AssemblyRow}
 
 
-def rings_begin(grid):
+def rings_begin(grid: AssemblyGrid) -> Any:
     """Where the rings' rows begin: so that their first node, which stands behind a slot, begins with a cache line in either precision."""
     return len(AssemblyRow) * stride_of(grid.open_slots, grid.lanes) + grid.lanes % 16
 
 
-def position_kernels(grid, rings):
+def position_kernels(grid: AssemblyGrid, rings: bool) -> Any:
     """Compile what needs positions to their last digit.
 
     In single precision a position is a sum X + LOW of two numbers: a step would else be lost in the rounding of the whole.
@@ -77,7 +80,7 @@ def position_kernels(grid, rings):
     return apart, advance
 
 
-def family_kernels(grid, rings, graded=False, plain=False):
+def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain: bool = False) -> Any:
     """Compile the kernels of one family of rods.
 
     Parameters
@@ -251,7 +254,7 @@ def family_kernels(grid, rings, graded=False, plain=False):
     }
 
 
-def ring_solver(grid):
+def ring_solver(grid: AssemblyGrid) -> Any:
     """Compile the cyclic solver of the rings of a part, and the copies of their seam; all take ``(buffer, part)``."""
     o, lanes, nodes = family_offsets(grid, True), grid.lanes, grid.ring_nodes
     SCALE, IMPULSE, CORRECTION, CYCLE = o["SCALE"], o["IMPULSE"], o["CORRECTION"], o["RATE"]
@@ -339,7 +342,7 @@ def ring_solver(grid):
     return solve, close_state, close_strain, close_moment, close_speed
 
 
-def ring_spin_brake(grid):
+def ring_spin_brake(grid: AssemblyGrid) -> Any:
     """Compile ``brake(buffer, part, share)``: take away a share of each ring element's spin relative to the mean spin of its ring.
 
     The orientation lock of ring and muscle turns ring elements with a couple that does not know their frame, which feeds a flutter of
@@ -374,7 +377,7 @@ def ring_spin_brake(grid):
     return brake
 
 
-def cord_brake(grid):
+def cord_brake(grid: AssemblyGrid) -> Any:
     """Compile ``brake(buffer, part, share)``: take away a share of each cord node's velocity relative to the muscles around it.
 
     Impulses are equal and opposite, so momentum stays. The cord has no water around it and nothing else that dissipates, and the pressure,

@@ -13,6 +13,8 @@ all its arguments, momentum and angular momentum stay, and what is put into a jo
 round the axis only: in the other directions muscles and rings are joined already.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..body.grid import AssemblyGrid
@@ -27,7 +29,7 @@ HINGE_SHARE, LEAN_SHARE = 0.75, 0.25
 """Shares of the published lock's stiffness that its linear part has in the two directions."""
 
 
-def ring_joints(grid: AssemblyGrid):
+def ring_joints(grid: AssemblyGrid) -> Any:
     """Compile the joints of the rings.
 
     Returns
@@ -113,7 +115,7 @@ def ring_joints(grid: AssemblyGrid):
     return sweep(grid, "spokes", ring_muscle), sweep(grid, "spokes", ring_ring)
 
 
-def load_kernels(grid: AssemblyGrid):
+def load_kernels(grid: AssemblyGrid) -> Any:
     """Compile what hands the collected results of the spokes to the rods.
 
     Returns

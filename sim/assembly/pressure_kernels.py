@@ -29,6 +29,8 @@ element would leave less. If a ring gave way more than twice as much as the proj
 to step and the rings flutter; with the bare W, w = 1, it would lag.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..body.grid import AssemblyGrid
@@ -52,7 +54,7 @@ def buffer_size(grid: AssemblyGrid) -> int:
     return int(slab_offsets(grid)["REST"]) + len(SlabRow) * stride_of(1, grid.lanes)
 
 
-def pressure_kernels(grid: AssemblyGrid, sliding: bool):
+def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
     """Compile volumes, pressure and projection of the slabs.
 
     Parameters

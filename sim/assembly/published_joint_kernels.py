@@ -14,6 +14,7 @@ all, along its own outward direction, so that it stays round.
 """
 
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ ONE = np.uint64(1)
 RESULTS = ("F1", "F2", "F3", "T1", "T2", "T3", "SUM", "G1", "G2", "G3")
 
 
-def published_ring_joints(grid: AssemblyGrid, inclination: float):
+def published_ring_joints(grid: AssemblyGrid, inclination: float) -> Any:
     """Compile the joints of the rings; `inclination` of the longitudinal muscles in rad.
 
     Returns
@@ -116,7 +117,7 @@ def published_ring_joints(grid: AssemblyGrid, inclination: float):
     return ring_muscle, ring_ring
 
 
-def squeeze_kernels(grid: AssemblyGrid):
+def squeeze_kernels(grid: AssemblyGrid) -> Any:
     """Compile ``squeeze(buffer)``, the pressure's load on the muscles' axes by the collected books, and ``hand_on(buffer)``."""
     o, g, s = family_offsets(grid, False), family_offsets(grid, True), spoke_offsets(grid)
     L, last, straight = np.uint64(grid.lanes), np.uint64(grid.rings + 1), np.uint64(grid.straight_rods)
@@ -152,7 +153,7 @@ def squeeze_kernels(grid: AssemblyGrid):
     return squeeze, hand_on
 
 
-def even_repulsion(grid: AssemblyGrid):
+def even_repulsion(grid: AssemblyGrid) -> Any:
     """Compile ``repel(buffer)``, which adds to the forces and the bookkeeping of the spokes; between `ring_muscle` and `ring_ring`."""
     s, spokes = spoke_offsets(grid), grid.spokes
     width, start = np.uint64(grid.lanes), np.uint64(grid.first_spoke * grid.lanes)

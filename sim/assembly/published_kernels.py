@@ -6,8 +6,11 @@ chatters, and goes on below zero in fast shortening. A filter of order five take
 u <- u - F^5 u with F a quarter of the negative second difference (Tekinalp et al. 2024, SI), so that its strength depends on the step.
 """
 
+from typing import Any
+
 import numpy as np
 
+from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from ..physics.fibre_kernels import horner, isometric_stress, passive_stress
 from .family_kernels import family_offsets
@@ -18,7 +21,7 @@ SPIN_ARM = 1e-3
 
 
 @kernel
-def published_factor(law, rate):
+def published_factor(law: Any, rate: float) -> float:
     """Force-velocity factor without a lower bound, at a stretch rate, 1/s."""
     w = -rate * law.rate
     shortening = (1.0 - w) / (1.0 + law.concentric * max(w, 0.0))
@@ -31,13 +34,13 @@ ROUNDING = 1e-12
 
 
 @kernel
-def bare_passive_stress(law, s):
+def bare_passive_stress(law: Any, s: float) -> float:
     """Passive stress with the polynomial as it stands: that of the squid's rings pushes until 2.6 % above rest."""
     tension = horner(law.passive, min(s, law.high)) + law.high_slope * max(s - law.high, 0.0)
     return tension if s > 1.0 + law.slack + ROUNDING else law.compression * min(s - 1.0 + law.slack, 0.0)
 
 
-def published_strain(grid, rings, graded=False, bare=False):
+def published_strain(grid: AssemblyGrid, rings: bool, graded: bool = False, bare: bool = False) -> Any:
     """Compile ``strain(buffer, first, last, share, elastic, law)`` of one family; `elastic` is not used.
 
     Elements may be `graded` in strength and pace, and their passive stress may be the `bare` polynomial.
@@ -91,7 +94,7 @@ def published_strain(grid, rings, graded=False, bare=False):
     return strain
 
 
-def velocity_filters(grid, rings=True):
+def velocity_filters(grid: AssemblyGrid, rings: bool = True) -> Any:
     """Compile ``smooth(buffer, first, last)``, the filter of velocities and spins of the open rods (up to `last`) and the `rings`.
 
     Rows VISCOSITY and RATE of the open rods hold one at inner nodes and inner elements, zero elsewhere.
@@ -142,7 +145,7 @@ def velocity_filters(grid, rings=True):
     return smooth
 
 
-def published_drag(grid):
+def published_drag(grid: AssemblyGrid) -> Any:
     """Compile ``brake(buffer, oblique_rate, ring_rate)``: linear drag of helices and rings on the elements' mean velocity and spin.
 
     Force -c l v with c = density * area * rate and l the present length, half on either node, so that a zigzag of the nodes is not felt;

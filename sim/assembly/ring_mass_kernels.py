@@ -14,6 +14,8 @@ each closed round the ring with 1 / (1 - r^n). It has to come after the axial so
 of the viscous tension and its implicit correction at different places.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..body.grid import AssemblyGrid
@@ -24,7 +26,7 @@ from .pressure_kernels import slab_offsets
 ONE = np.uint64(1)
 
 
-def ring_mass_kernels(grid: AssemblyGrid):
+def ring_mass_kernels(grid: AssemblyGrid) -> Any:
     """Compile ``smooth(buffer, part)``; the rows MMINUS of the rings hold what damping has left of the old velocities."""
     g, t = family_offsets(grid, True), slab_offsets(grid)
     L, nodes = np.uint64(grid.lanes), np.uint64(grid.ring_nodes)

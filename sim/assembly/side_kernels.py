@@ -12,6 +12,8 @@ each force is a gradient of U in all its arguments, so also in the stretches: th
 with S the tension of the connection. The published law (`published`) leaves that out, and keeps books of the normal forces instead.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..body.grid import AssemblyGrid
@@ -20,7 +22,7 @@ from .parts import sweep
 from .spoke_kernels import spoke_offsets
 
 
-def side_kernels(grid: AssemblyGrid, published: bool):
+def side_kernels(grid: AssemblyGrid, published: bool) -> Any:
     """Compile the connections of the cord and of neighbours.
 
     Returns

@@ -9,6 +9,7 @@ would let a twist pass a percent late.
 """
 
 from math import pi
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def spoke_offsets(grid: AssemblyGrid) -> dict[str, np.uint64]:
     return {row.name: np.uint64(start + row * stride) for row in SpokeRow}
 
 
-def gather_kernel(grid: AssemblyGrid, published: bool):
+def gather_kernel(grid: AssemblyGrid, published: bool) -> Any:
     """Compile ``gather(buffer, part)``: copy what the spokes need, with radii and the directions of the cord's connections.
 
     The published laws take the rings' present radii, all others those at rest, which are parameters.
@@ -90,7 +91,7 @@ def gather_kernel(grid: AssemblyGrid, published: bool):
     return gather
 
 
-def beside_kernel(grid: AssemblyGrid, published: bool):
+def beside_kernel(grid: AssemblyGrid, published: bool) -> Any:
     """Compile ``beside(buffer, part)``: contact of muscles with the ring nodes between the spokes.
 
     The published law takes the ring's present radius and keeps books of the forces; the other one loads the muscle's axis.
@@ -144,7 +145,7 @@ def beside_kernel(grid: AssemblyGrid, published: bool):
     return beside
 
 
-def collect_kernel(grid: AssemblyGrid, results: tuple[str, ...]):
+def collect_kernel(grid: AssemblyGrid, results: tuple[str, ...]) -> Any:
     """Compile ``collect(buffer, part)``, which sums rows of `results` over the partners of a muscle, and of the cord into the slot before.
 
     Results on the neighbour of the last muscle belong to the first.
@@ -172,7 +173,7 @@ def collect_kernel(grid: AssemblyGrid, results: tuple[str, ...]):
     return collect
 
 
-def share_kernels(grid: AssemblyGrid):
+def share_kernels(grid: AssemblyGrid) -> Any:
     """Compile what hands forces on elements of cord and muscles, and the water's, half to either node.
 
     Returns

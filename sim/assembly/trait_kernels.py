@@ -3,6 +3,8 @@
 Sliding base (squid tentacle of Tekinalp et al. 2024, SI): the first nodes of muscles and helices only stay in their plane.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..body.grid import AssemblyGrid
@@ -12,7 +14,7 @@ from .family_kernels import family_offsets
 ONE = np.uint64(1)
 
 
-def sliding_base(grid: AssemblyGrid):
+def sliding_base(grid: AssemblyGrid) -> Any:
     """Compile ``slide(buffer, part)``: take the first nodes of muscles and helices their velocity along the arm."""
     V2 = family_offsets(grid, False)["V2"]
     muscles = tuple(rod * grid.lanes + 1 for rod in range(1, grid.straight_rods))

@@ -4,9 +4,12 @@ Momentum rather than spin is the state, so that a free rotation keeps it exactly
 (a midpoint rule on the rotation group, second order: Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, VII.5).
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..compiler import kernel
+from ..contracts import Floats
 from .columns import Body
 
 POSITION, FRAME, VELOCITY, MOMENTUM, SPIN = (int(c) for c in (Body.POSITION, Body.FRAME, Body.VELOCITY, Body.MOMENTUM, Body.SPIN))
@@ -15,7 +18,7 @@ SPRING, HOME, HOME_AXIS, PUSH, MOVING = (int(c) for c in (Body.SPRING, Body.HOME
 
 
 @kernel(_nrt=False)
-def turned(body, l1, l2, l3):
+def turned(body: Floats, l1: float, l2: float, l3: float) -> tuple[float, ...]:
     """Spin that an angular momentum gives the body."""
     a = (l1 * body[FRAME] + l2 * body[FRAME + 1] + l3 * body[FRAME + 2]) * body[INVERSE_INERTIA]
     b = (l1 * body[FRAME + 3] + l2 * body[FRAME + 4] + l3 * body[FRAME + 5]) * body[INVERSE_INERTIA + 1]
@@ -28,7 +31,7 @@ def turned(body, l1, l2, l3):
 
 
 @kernel(_nrt=False)
-def spin_of(body):
+def spin_of(body: Floats) -> Any:
     """Spin of a body: its own, or the one it is given."""
     if body[INVERSE_MASS] > 0:
         return turned(body, body[MOMENTUM], body[MOMENTUM + 1], body[MOMENTUM + 2])
@@ -36,7 +39,7 @@ def spin_of(body):
 
 
 @kernel(_nrt=False)
-def rotate(body, u1, u2, u3):
+def rotate(body: Floats, u1: float, u2: float, u3: float) -> None:
     """Turn the frame by the rotation vector u, in the laboratory frame."""
     square = u1 * u1 + u2 * u2 + u3 * u3
     sine = 1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040 - square / 362880)))
@@ -51,7 +54,7 @@ def rotate(body, u1, u2, u3):
 
 
 @kernel(_nrt=False)
-def any_moves(bodies):
+def any_moves(bodies: Floats) -> bool:
     """Whether any body can go anywhere."""
     for j in range(bodies.shape[0]):
         if bodies[j, MOVING] > 0:
@@ -60,7 +63,7 @@ def any_moves(bodies):
 
 
 @kernel(_nrt=False)
-def drift_bodies(bodies, h):
+def drift_bodies(bodies: Floats, h: float) -> None:
     """Move and turn all bodies for a time h."""
     for j in range(bodies.shape[0]):
         if bodies[j, MOVING] == 0.0:
@@ -84,7 +87,7 @@ def drift_bodies(bodies, h):
 
 
 @kernel(_nrt=False)
-def straighten(body):
+def straighten(body: Floats) -> None:
     """Make a frame orthonormal again, to first order of what rounding and series have left: once a sample."""
     for _ in range(2):
         for row in range(3):
@@ -100,7 +103,7 @@ def straighten(body):
 
 
 @kernel(_nrt=False)
-def kick_bodies(bodies, h):
+def kick_bodies(bodies: Floats, h: float) -> None:
     """Springs, pushes and damping over one step; springs of position are implicit, damping is exact."""
     for j in range(bodies.shape[0]):
         mobility = bodies[j, INVERSE_MASS]

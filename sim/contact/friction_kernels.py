@@ -17,6 +17,7 @@ predicted one the arm would tremble in its grasp for ever.
 import numpy as np
 
 from ..compiler import kernel
+from ..contracts import Floats
 from .body_kernels import spin_of, turned
 from .columns import Anchor, Body
 
@@ -33,7 +34,7 @@ TINY = 1e-300
 
 
 @kernel(_nrt=False)
-def apart(anchors, p):
+def apart(anchors: Floats, p: int) -> None:
     """Forget a touch, but for the path slid."""
     for i in range(6):
         if i != SLIP:
@@ -41,7 +42,7 @@ def apart(anchors, p):
 
 
 @kernel(_nrt=False)
-def relative(body, b1, b2, b3, v1, v2, v3):
+def relative(body: Floats, b1: float, b2: float, b3: float, v1: float, v2: float, v3: float) -> tuple[float, ...]:
     """Velocity of the arm's surface less that of the body at the lever b from its centre."""
     if body[MOVING] == 0.0:
         return v1, v2, v3
@@ -54,7 +55,7 @@ def relative(body, b1, b2, b3, v1, v2, v3):
 
 
 @kernel(_nrt=False)
-def mobility_along(body, b1, b2, b3, e1, e2, e3):
+def mobility_along(body: Floats, b1: float, b2: float, b3: float, e1: float, e2: float, e3: float) -> float:
     """Velocity of the body's point at lever b along e after a unit impulse along e."""
     if body[INVERSE_MASS] == 0.0:
         return 0.0
@@ -64,7 +65,9 @@ def mobility_along(body, b1, b2, b3, e1, e2, e3):
 
 
 @kernel(_nrt=False)
-def stays_apart(body, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
+def stays_apart(
+    body: Floats, gap: float, n1: float, n2: float, n3: float, c1: float, c2: float, c3: float, v1: float, v2: float, v3: float, h: float
+) -> bool:
     """Whether there is a gap that the velocities do not close within the step: then no impulse follows."""
     if gap < 0:
         return False
@@ -73,7 +76,10 @@ def stays_apart(body, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
 
 
 @kernel(_nrt=False)
-def impulse(body, anchors, point, gap, n1, n2, n3, b1, b2, b3, v1, v2, v3, arm_normal, arm_tangent, crowd, stiffness, h):
+def impulse(
+    body: Floats, anchors: Floats, point: int, gap: float, n1: float, n2: float, n3: float, b1: float, b2: float, b3: float, v1: float,
+    v2: float, v3: float, arm_normal: float, arm_tangent: float, crowd: float, stiffness: float, h: float,
+) -> tuple[float, ...]:  # fmt: skip
     """Normal impulse and its sum with friction, at the lever b of the body, past which the other surface moves with v.
 
     A `crowd` of points whose impulses do not see one another is as light as a single one of them times their number.
@@ -116,7 +122,7 @@ def impulse(body, anchors, point, gap, n1, n2, n3, b1, b2, b3, v1, v2, v3, arm_n
 
 
 @kernel(_nrt=False)
-def push(body, p1, p2, p3, l1, l2, l3):
+def push(body: Floats, p1: float, p2: float, p3: float, l1: float, l2: float, l3: float) -> None:
     """Give a body the impulse p and the angular momentum l about its centre."""
     mobility = body[INVERSE_MASS]
     if mobility > 0:
@@ -129,7 +135,10 @@ def push(body, p1, p2, p3, l1, l2, l3):
 
 
 @kernel(_nrt=False)
-def touch(body, anchors, point, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_normal, arm_tangent, stiffness, h):
+def touch(
+    body: Floats, anchors: Floats, point: int, gap: float, n1: float, n2: float, n3: float, c1: float, c2: float, c3: float, v1: float,
+    v2: float, v3: float, arm_normal: float, arm_tangent: float, stiffness: float, h: float,
+) -> tuple[float, ...]:  # fmt: skip
     """Impulse on the arm at the place c, where its surface moves with v; the body receives the opposite, and keeps account of it."""
     b1, b2, b3 = c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2]
     v1, v2, v3 = relative(body, b1, b2, b3, v1, v2, v3)
@@ -152,14 +161,20 @@ def touch(body, anchors, point, gap, n1, n2, n3, c1, c2, c3, v1, v2, v3, arm_nor
 
 
 @kernel(_nrt=False)
-def follow(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
+def follow(
+    body: Floats, anchors: Floats, point: int, n1: float, n2: float, n3: float, c1: float, c2: float, c3: float, v1: float, v2: float,
+    v3: float, h: float,
+) -> None:  # fmt: skip
     """Move the anchor of a point of the arm; the body's row keeps the longest path slid."""
     move_anchor(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h)
     body[SLIPPED] = max(body[SLIPPED], anchors[point, SLIP])
 
 
 @kernel(_nrt=False)
-def move_anchor(body, anchors, point, n1, n2, n3, c1, c2, c3, v1, v2, v3, h):
+def move_anchor(
+    body: Floats, anchors: Floats, point: int, n1: float, n2: float, n3: float, c1: float, c2: float, c3: float, v1: float, v2: float,
+    v3: float, h: float,
+) -> None:  # fmt: skip
     """At the end of the step an anchor that holds is stretched by the motion that really takes place; one that slides counts its path."""
     v1, v2, v3 = relative(body, c1 - body[POSITION], c2 - body[POSITION + 1], c3 - body[POSITION + 2], v1, v2, v3)
     normal_speed = v1 * n1 + v2 * n2 + v3 * n3

@@ -8,6 +8,7 @@ outside; inside exact too, but for a box and a cylinder along their edges, where
 import numpy as np
 
 from ..compiler import kernel
+from ..contracts import Floats
 from .columns import Body, Shape
 
 SPHERE, CAPSULE, CYLINDER, BOX = (float(kind) for kind in (Shape.SPHERE, Shape.CAPSULE, Shape.CYLINDER, Shape.BOX))
@@ -16,7 +17,7 @@ TINY = 1e-300
 
 
 @kernel(_nrt=False)
-def distance(body, x1, x2, x3):
+def distance(body: Floats, x1: float, x2: float, x3: float) -> tuple[float, ...]:
     """Gap and normal of the point x."""
     y1, y2, y3 = x1 - body[POSITION], x2 - body[POSITION + 1], x3 - body[POSITION + 2]
     a = y1 * body[FRAME] + y2 * body[FRAME + 1] + y3 * body[FRAME + 2]
@@ -43,7 +44,7 @@ def distance(body, x1, x2, x3):
 
 
 @kernel(_nrt=False)
-def ball(a, b, c, radius):
+def ball(a: float, b: float, c: float, radius: float) -> tuple[float, ...]:
     """Of a ball around the origin."""
     length = np.sqrt(a * a + b * b + c * c)
     if length < TINY:  # in the very middle every direction is as good
@@ -53,7 +54,7 @@ def ball(a, b, c, radius):
 
 
 @kernel(_nrt=False)
-def cylinder(a, b, c, radius, half):
+def cylinder(a: float, b: float, c: float, radius: float, half: float) -> tuple[float, ...]:
     """Of a cylinder along the third axis."""
     rho = np.sqrt(a * a + b * b)
     u, v, up = rho - radius, abs(c) - half, 1.0 if c > 0 else -1.0
@@ -67,7 +68,7 @@ def cylinder(a, b, c, radius, half):
 
 
 @kernel(_nrt=False)
-def box(a, b, c, half1, half2, half3):
+def box(a: float, b: float, c: float, half1: float, half2: float, half3: float) -> tuple[float, ...]:
     """Of a box along the axes."""
     u, v, w = abs(a) - half1, abs(b) - half2, abs(c) - half3
     s1, s2, s3 = 1.0 if a > 0 else -1.0, 1.0 if b > 0 else -1.0, 1.0 if c > 0 else -1.0

@@ -5,6 +5,8 @@ turns the element by its lever from the centreline. Order in a step: kick, `touc
 (see `octoctrl.sim.contact.friction_kernels`).
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..compiler import kernel
@@ -20,7 +22,7 @@ ONE = np.uint64(1)
 STIFFNESS, NORMAL = int(Body.STIFFNESS), int(Anchor.NORMAL)
 
 
-def rod_contact_kernels(stride, constant_section=False):
+def rod_contact_kernels(stride: int, constant_section: bool = False) -> Any:
     """Compile the contact of a rod with bodies for buffers of the given stride.
 
     Parameters
