@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from octoctrl.planners.asking.task import CHOOSE, Drive, Task
+from octoctrl.planners.asking.choice import Choice
+from octoctrl.planners.asking.task import Drive, Task
 from octoctrl.planners.contracts import Controller, ControllerReport, Observation
 from octoctrl.planners.fitting.identified import IdentifiedModel, unidentified
 from octoctrl.planners.solving.plan import Plan
@@ -165,7 +166,7 @@ def planned_again(plan: Plan, clock: float, ahead: Sequence[str], observation: O
     identified = _identified(plan, model)
     found = planner.plan(task, identified, present=present, time_limit=time_limit)
     if not found.status.solved and dead:
-        found = planner.plan(replace(task, drives=CHOOSE), identified, present=present, time_limit=time_limit)  # type: ignore[arg-type]
+        found = planner.plan(replace(task, drives=(), choose=Choice()), identified, present=present, time_limit=time_limit)
     return _joined(plan, found, begun, ahead)
 
 

@@ -27,6 +27,7 @@ from octoctrl.sim.plants import Plant, make_plant
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.topology.meter import Meter
+from octoctrl.sim.topology.trace import TopologyTrace
 
 RECORD = 4
 """Samples between recorded instants of a trial: 20 ms."""
@@ -173,7 +174,7 @@ class Stage:
         for goal in self.phase.goals:
             begin = 0.0 if goal.when is When.THROUGHOUT else float(recording.time[-1]) - max(goal.hold, LOOKED_AT)
             if begin not in windows:
-                windows[begin] = RecordedOutputs(since(recording, begin), None, self.arm)  # type: ignore[arg-type]
+                windows[begin] = RecordedOutputs(since(recording, begin), None, self.arm)
             total += price_of(goal, windows[begin], self.task)
         depth = max((float(values.deepest.max()) for values in touches(recording).values()), default=0.0)
         return total + 1e3 * max(depth - DEEP, 0.0)
@@ -228,7 +229,7 @@ def misses(phase: Phase, recording: Recording, arm: Arm, task: Task) -> tuple[fl
     trace = _trace(recording, task) if any(not getattr(goal, "simulated", False) for goal in phase.goals) else None
     found = []
     for goal in phase.goals:
-        missed = goal.miss(recording, trace, arm)  # type: ignore[arg-type]
+        missed = goal.miss(recording, trace, arm)  # type: ignore[arg-type]  # none where nobody reads it
         found.append(miss_in_phase(goal, recording.time, missed, begin, end) / goal.tolerance)
     return tuple(found)
 
@@ -241,7 +242,7 @@ def since(recording: Recording, time: float) -> Recording:
     return replace(recording, **{name: getattr(recording, name)[keep] for name in names}, series=series)
 
 
-def _trace(recording: Recording, task: Task) -> Any:
+def _trace(recording: Recording, task: Task) -> TopologyTrace:
     meter = Meter(task.convention)
     meter.extend(recording.time, recording.points, recording.frames)
     return meter.trace

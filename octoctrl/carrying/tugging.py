@@ -95,7 +95,7 @@ def tug(held: Plant, source: ActivationSource, name: str, direction: Floats, dis
     slid = float(body[Body.SLIPPED])
     moved.restore(state)
     recording = moved.advance(source, SECONDS)
-    hold = hold_in(RecordedOutputs(recording, None, held.arm), name)  # type: ignore[arg-type]
+    hold = hold_in(RecordedOutputs(recording, None, held.arm), name)
     late = recording.time >= recording.time[-1] - AT_THE_END
     return Tug(
         distance=distance,

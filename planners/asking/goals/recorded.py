@@ -19,8 +19,8 @@ class RecordedOutputs:
     Parameters
     ----------
     recording : Recording
-    trace : TopologyTrace
-        Of the same instants.
+    trace : TopologyTrace or None
+        Of the same instants; none where no goal reads topology.
     arm : Arm
 
     Attributes
@@ -31,24 +31,30 @@ class RecordedOutputs:
 
     math: Any = np
 
-    def __init__(self, recording: Recording, trace: TopologyTrace, arm: Arm) -> None:
+    def __init__(self, recording: Recording, trace: TopologyTrace | None, arm: Arm) -> None:
         self.recording, self.trace, self.arm = recording, trace, arm
         self.holds: dict[str, Any] = {}
 
     @property
+    def _topology(self) -> TopologyTrace:
+        if self.trace is None:
+            raise ValueError("a goal reads topology, and no trace of it was measured")
+        return self.trace
+
+    @property
     def twist(self) -> Floats:
         """(T,), turns."""
-        return self.trace.twist
+        return self._topology.twist
 
     @property
     def lifted_writhe(self) -> Floats:
         """(T,), turns."""
-        return self.trace.lifted_writhe
+        return self._topology.lifted_writhe
 
     @property
     def lifted_link(self) -> Floats:
         """(T,), turns."""
-        return self.trace.lifted_link
+        return self._topology.lifted_link
 
     @property
     def length(self) -> Floats:
