@@ -2,7 +2,8 @@
 
 Where contact decides, no reduced model knows better than the simulation of one rod, which takes a tenth of a second for a grasp. Each phase
 is searched from the states in which the phase before ended, one for each scenario. What is found is carried out once on the plant itself,
-from rest, as planned; the next candidate follows where one misses. Only that decides what the plan is called.
+from rest, as planned; the next candidate follows where one misses. What the plan is called is decided by the verdict's own checks on that
+run, and by whether the last phase ends well in every scenario of the search.
 """
 
 import os
@@ -10,33 +11,28 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
 from time import perf_counter, process_time
 
 import numpy as np
 
 from octoctrl.planners.asking.task import Drive, Task
-from octoctrl.planners.asking.wrapping import Swing, TwistCurve, with_curve
-from octoctrl.planners.contracts import Floats, Primitive
+from octoctrl.planners.asking.wrapping import TwistCurve
+from octoctrl.planners.contracts import Primitive
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.planners.solving.cross_entropy import Candidate, Judgement, Searched, search
-from octoctrl.planners.solving.grasping import FIRST_TWISTS, check_objects, grasp_drives, held_at_the_end, objects_held, too_short
-from octoctrl.planners.solving.plan import GoalReport, Plan, PlanReport, PlanStatus
+from octoctrl.planners.solving.grasping import FIRST_TWISTS, check_objects, grasp_drives, objects_held, too_short
+from octoctrl.planners.solving.plan import Plan
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.contracts import State
-from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import check_plant
-from octoctrl.sim.running.observation import Observation
-from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.scene.scene import Scene
-from octoctrl.sim.topology.meter import Meter
-from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..progress import NullProgress, Progress
 from .calibrating import twist_curve
-from .trials import HOPELESS, LOST, Stage, misses, plant_for, schedule_of, since
-from .tugging import tugs
+from .checking import Findings, Programme, begins_of, by_scenario, checked, refused
+from .trials import HOPELESS, LOST, Stage, plant_for
 
 SEARCHED_ON = "rod"
 """The plant on which is searched."""
@@ -46,9 +42,6 @@ ENOUGH, BAD = 0.15, 1.6
 
 SEARCHES, CANDIDATES, APART = 3, 3, 0.6
 """Searches of a phase at most, candidates that are checked on the plant, and how far apart these lie, in first spreads."""
-
-KEPT, EVERY = 2, 5
-"""Samples between recorded instants of a check, and instants between those whose strains a plan keeps."""
 
 
 @dataclass(slots=True)
@@ -143,7 +136,7 @@ def plan_by_search(
     check_objects(task, scene)
     reason, begin, processor = too_short(task, arm, scene), perf_counter(), process_time()
     if reason:
-        return _refused(task, model, reason, plant)
+        return refused(task, model, reason, plant)
     curve = twist_curve(arm, scene.water, SEARCHED_ON, progress=display)
     own = curve if plant == SEARCHED_ON else twist_curve(arm, scene.water, plant, progress=display)
     held: AbstractContextManager[Executor] = nullcontext(executor) if executor is not None else ThreadPoolExecutor(os.cpu_count())
@@ -151,36 +144,11 @@ def plan_by_search(
         work = Work(arm, scene, workers, display, time_limit, seed, population, rounds, spread, errors or {})
         found = _searched(task, work, curve)
     searched = process_time() - processor
-    made = _checked(found, model, own, plant, display)
+    made = checked(found, model, own, plant, display)
     report = replace(
         made.report, stages={"search": searched, "check": process_time() - processor - searched}, wall_time=perf_counter() - begin
     )
     return replace(made, report=report)
-
-
-@dataclass(frozen=True, slots=True)
-class Programme:
-    """A task with drives, and numbers for all of them: one list of primitives per phase."""
-
-    task: Task
-    numbers: dict[str, float]
-    primitives: tuple[Primitive, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Findings:
-    """Programmes to be checked, the most promising first, what was tried, and the price of the worst phase."""
-
-    programmes: list[Programme]
-    tried: tuple[str, ...]
-    count: int
-    price: float
-
-
-def begins_of(task: Task) -> dict[str, float]:
-    """When each phase of a `task` begins, s, if all last what they say."""
-    times = accumulate((phase.duration for phase in task.phases), initial=0.0)
-    return {phase.name: round(time, 9) for phase, time in zip(task.phases, times, strict=False)}
 
 
 def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
@@ -204,16 +172,15 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
             settled += stage.primitives(best.x)
             numbers |= dict(zip(stage.unknowns.names, map(float, best.x), strict=True))
             ended = stage.ended(best.x)
-            tried.append(
-                f"phase '{phase.name}': worst goal in tolerances, by scenario: "
-                + ", ".join(f"{max(item.misses, default=0.0):.2f}" for item in ended)
-            )
+            tried.append(by_scenario(f"phase '{phase.name}'", [max(item.misses, default=0.0) for item in ended]))
             states = tuple(item.state or None for item in ended)
     programmes = [
         Programme(
             stage.task,
             numbers | dict(zip(stage.unknowns.names, map(float, item.x), strict=True)),
             _in_order(stage.task, (*settled, *stage.primitives(item.x))),
+            stage,
+            item.x,
         )
         for stage, item in last
     ]
@@ -305,116 +272,3 @@ def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tup
     ranked = sorted(((stage, item) for stage, result in found for item in result.apart(CANDIDATES, APART)), key=lambda pair: pair[1].price)
     said = [f"phase '{name}', {result}" for _, result in found]
     return ranked[:CANDIDATES], said, sum(len(result.candidates) for _, result in found)
-
-
-def _checked(found: Findings, model: ReducedModel, curve: TwistCurve, plant: str, progress: Progress) -> Plan:
-    """The first programme that meets every goal on the plant, or the one that comes nearest."""
-    best: tuple[float, Plan] | None = None
-    said = list(found.tried)
-    for number, programme in enumerate(found.programmes):
-        primitives = tuple(with_curve(item, curve) for item in programme.primitives)
-        progress.start(f"checking candidate {number + 1} on the plant '{plant}'", None)
-        try:
-            made, worst = _carried_out(programme, primitives, model, plant)
-            tugged = _tugged(made, plant) if worst <= 1 else []
-        except PlantUnstableError as error:
-            said.append(f"candidate {number + 1} on the plant '{plant}': {error}")
-            continue
-        finally:
-            progress.stop()
-        said.append(f"candidate {number + 1} on the plant '{plant}': worst goal {worst:.2f} tolerances")
-        said += tugged
-        if best is None or worst < best[0]:
-            best = worst, made
-        if worst <= 1:
-            break
-    if best is None:
-        programme = found.programmes[0]
-        return _empty(programme.task, model, PlanStatus.MISSED, f"every candidate made the plant '{plant}' diverge", plant, tuple(said))
-    worst, made = best
-    missed = "; ".join(
-        f"phase '{item.phase}': {item.goal} is missed by {item.miss:.3g} {item.goal.unit}".rstrip()
-        for item in made.report.goals
-        if item.share > 1
-    )
-    report = replace(made.report, tried=tuple(said), starts=found.count, price=found.price, reason=missed)
-    return replace(made, report=report)
-
-
-def _carried_out(programme: Programme, primitives: tuple[Primitive, ...], model: ReducedModel, plant: str) -> tuple[Plan, float]:
-    """A plan of what the plant does under a programme, from rest and as planned, and its worst goal in tolerances."""
-    task, begins = programme.task, begins_of(programme.task)
-    duration = sum(phase.duration for phase in task.phases)
-    schedule = schedule_of(primitives, duration)
-    moved = plant_for(plant, model.arm, model.scene, KEPT)
-    moved.reset()
-    recording = moved.advance(schedule.activation(), duration)
-    goals: list[GoalReport] = []
-    for phase in task.phases:
-        begin = begins[phase.name]
-        part = since(recording, begin).until(begin + phase.duration)
-        shares = misses(phase, part, model.arm, task)
-        goals += [
-            GoalReport(phase=phase.name, goal=goal, miss=share * goal.tolerance) for goal, share in zip(phase.goals, shares, strict=True)
-        ]
-    worst = max((goal.share for goal in goals), default=0.0)
-    meter = Meter(task.convention)
-    meter.extend(recording.time, recording.points, recording.frames)
-    kept = np.unique([*range(0, len(recording.time), EVERY), len(recording.time) - 1])
-    made = Plan(
-        task=task,
-        model=model,
-        schedule=schedule,
-        phase_begins=begins,
-        time=recording.time[kept],
-        strains=strains_of(model, recording, kept, moved.edges),
-        trace=meter.trace.at(recording.time[kept]),
-        status=PlanStatus.HELD if worst <= 1 else PlanStatus.MISSED,
-        plant=plant,
-        feedback="open-loop",
-        report=PlanReport(numbers=programme.numbers, goals=tuple(goals), headroom=1.0 - float(recording.levels.max())),
-    )
-    return made, worst
-
-
-def _tugged(made: Plan, plant: str) -> list[str]:
-    """What tugs at the held objects met, at the end of a run on a plant that is where the plan ends."""
-    moved = plant_for(plant, made.arm, made.scene, KEPT)
-    said = []
-    for name in sorted(held_at_the_end(made.task)):
-        found = tugs(moved, made.schedule.activation(), name, model=plant)
-        said += [f"tug at '{name}' {word} {'its axis' if word == 'along' else 'it'}: {tug}" for word, tug in found.items()]
-    return said
-
-
-def strains_of(model: ReducedModel, recording: Recording, kept: Floats, edges: Floats) -> Floats:
-    """Section strains (T, S, 4) by the `model` of a `recording` at the instants `kept`, whose elements lie between `edges`."""
-    return np.array(
-        [
-            model.strains(
-                Observation(
-                    time=float(recording.time[index]), points=recording.points[index], frames=recording.frames[index],
-                    stations=recording.stations, edges=edges, stretch=recording.stretch[index],
-                    velocities=np.zeros_like(recording.points[index]), spins=np.zeros((len(edges) - 1, 3)),
-                )
-            )
-            for index in kept
-        ]
-    )  # fmt: skip
-
-
-def _refused(task: Task, model: ReducedModel, reason: str, plant: str) -> Plan:
-    return _empty(task, model, PlanStatus.REFUSED, reason, plant, ())
-
-
-def _empty(task: Task, model: ReducedModel, status: PlanStatus, reason: str, plant: str, tried: tuple[str, ...]) -> Plan:
-    """A plan that moves nothing, and says why."""
-    duration = sum(phase.duration for phase in task.phases)
-    zeros = np.zeros(2)
-    time = np.array([0.0, duration])
-    return Plan(
-        task=task, model=model, schedule=schedule_of((Swing(level=0.0, stop=model.arm.length),), duration), phase_begins=begins_of(task),
-        time=time, strains=np.stack([model.rest, model.rest]),
-        trace=TopologyTrace.from_lifted(time=time, lifted_writhe=zeros, twist=zeros, convention=task.convention),
-        status=status, plant=plant, feedback="open-loop", report=PlanReport(reason=reason, tried=tried),
-    )  # fmt: skip

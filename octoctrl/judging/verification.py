@@ -13,9 +13,9 @@ from octoctrl.planners.asking.task import miss_in_phase
 from octoctrl.planners.solving.grasping import is_simulated
 from octoctrl.sim.errors import check_number
 
+from ..carrying.holding import LINK_RESIDUAL, holding_checks
 from ..carrying.results import Check, Execution, ExecutionStatus, Verdict
 from .comparison import level_delays, planned_points, rms
-from .holding import holding_checks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ class Limits:
     twist_rms: float = 0.05
     level_time: float = 0.3
     crossings: int = 0
-    link_residual: float = 0.02
+    link_residual: float = LINK_RESIDUAL
     activation: float = 1.0
     tip_rms: float = 0.08
     volume: float = 0.03
@@ -96,7 +96,7 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
         _check("activation", execution.recording.levels.max(), limits.activation),
     ]
     if is_simulated(execution.plan.task):
-        checks += [*holding_checks(execution), *health]
+        checks += [*holding_checks(execution.plan.task, execution.plan.arm, execution.recording, measured), *health]
         return _judged(checks, strict)
     checks += [
         _check("writhe_rms", rms(writhe), limits.writhe_rms, "turns"),

@@ -34,15 +34,16 @@ class PlanStatus(Enum):
     )
     OTHER_DRIVES = 'Not with these drives, but with others: take those named here, or leave them to the planner with drives = "choose".'
     UTURN = "Only past a U-turn of the tip, where the branch of writhe is chance: store twist first, or ask for less writhe."
-    HELD = "Held: every goal is met in a simulation of the plant itself; run it."
-    MISSED = "Missed: no candidate meets every goal in a simulation of the plant, which proves nothing; search longer or ask for less."
+    HELD = "Held: a simulation of the plant itself passes its verdict, and the search's model meets the goals in every scenario; run it."
+    FRAGILE = "Held as planned, but not in every scenario: a simulation of the plant itself passes its verdict; run it, and verify it."
+    MISSED = "Missed: no candidate passes the verdict in a simulation of the plant, which proves nothing; search longer or ask for less."
     REFUSED = "Refused: the arm's and the object's sizes forbid it."
     TIME_LIMIT = "Stopped at the time limit: the best plan so far is kept; raise time_limit."
 
     @property
     def solved(self) -> bool:
         """Whether every goal is met: on the reduced model, or in a simulation of the plant where that was searched."""
-        return self in (PlanStatus.SOLVED, PlanStatus.DOUBTFUL, PlanStatus.HELD)
+        return self in (PlanStatus.SOLVED, PlanStatus.DOUBTFUL, PlanStatus.HELD, PlanStatus.FRAGILE)
 
 
 class PlanFailedError(RuntimeError):

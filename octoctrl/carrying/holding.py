@@ -7,9 +7,13 @@ import numpy as np
 
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
+from octoctrl.planners.asking.task import Task
 from octoctrl.planners.solving.grasping import held_at_the_end, objects_held
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.topology.trace import TopologyTrace
 
-from ..carrying.results import Check, Execution
+from .results import Check
 
 LATE = 0.5
 """Time before the end over which the winding may drift, s."""
@@ -17,13 +21,12 @@ LATE = 0.5
 DEEP, DRIFT = 0.01, 0.1
 """Deepest overlap as a share of the base radius, and largest drift, turns."""
 
+LINK_RESIDUAL = 0.02
+"""Largest link minus (writhe + twist), turns."""
 
-def holding_checks(execution: Execution) -> Iterator[Check]:
-    """Check the objects that the goals of an execution's task name.
 
-    Parameters
-    ----------
-    execution : Execution
+def holding_checks(task: Task, arm: Arm, recording: Recording, trace: TopologyTrace) -> Iterator[Check]:
+    """Check the objects that the goals of a `task` name on the `recording` of an `arm`, with its `trace`.
 
     Yields
     ------
@@ -33,15 +36,14 @@ def holding_checks(execution: Execution) -> Iterator[Check]:
     """
     from octoctrl.sim.topology.measures import writhe
 
-    plan, recording = execution.plan, execution.recording
-    outputs = RecordedOutputs(recording, execution.trace, plan.arm)
+    outputs = RecordedOutputs(recording, trace, arm)
     late = recording.time >= recording.time[-1] - LATE
     yield Check(name="cord.writhe", value=abs(float(writhe(recording.points[-1]))), limit=inf, unit="turns")
-    for name in sorted(objects_held(plan.task)):
+    for name in sorted(objects_held(task)):
         hold = hold_in(outputs, name)
-        touch, limit = hold.touch, DEEP * float(np.asarray(plan.arm.section(0.0).outer_radius))
+        touch, limit = hold.touch, DEEP * float(np.asarray(arm.section(0.0).outer_radius))
         yield Check(name=f"{name}.depth", value=float(touch.deepest.max()), limit=limit, unit="m")
-        if name in held_at_the_end(plan.task):
+        if name in held_at_the_end(task):
             yield Check(name=f"{name}.drift", value=float(np.ptp(hold.winding[late])), limit=DRIFT, unit="turns")
             yield Check(name=f"{name}.covered_winding", value=abs(float(hold.covered[-1])), limit=inf, unit="turns")
         yield Check(name=f"{name}.winding", value=abs(float(hold.winding[-1])), limit=inf, unit="turns")
