@@ -14,13 +14,13 @@ LOWEST = np.array([0.3, -0.6, 1.0])
 SPACE = Unknowns(names=("a", "b", "c"), mean=np.zeros(3), spread=np.full(3, 0.5), low=np.full(3, -2.0), high=np.array([2.0, 2.0, 0.8]))
 
 
-def bowl(x):
+def bowl(x, worth=np.inf):
     """Narrow across two of its axes, lowest outside the box in the third."""
     away = x - LOWEST
     return Judgement(price=float(away @ away + 5 * (away[0] + away[1]) ** 2), simulated=2.0)
 
 
-def jittery(x):
+def jittery(x, worth):
     sleep(0.002 * np.random.default_rng(int(1e6 * abs(x[0]))).random())
     return bowl(x)
 
@@ -57,12 +57,29 @@ def test_the_mean_and_what_is_given_are_tried_first_and_inside_the_box(one):
     assert all((item.x >= SPACE.low).all() and (item.x <= SPACE.high).all() for item in found.candidates)
 
 
+def test_whoever_judges_is_told_what_is_worth_knowing(one):
+    """What is beyond the worst of the elite may be judged by a guess: the same numbers are tried."""
+    told = []
+
+    def careless(x, worth):
+        told.append(worth)
+        found = bowl(x)
+        return found if found.price <= worth else Judgement(price=found.price + 1.0)
+
+    def tried(judge):
+        return search(judge, SPACE, one, seed=5, rounds=4, population=30, elite=3)
+
+    exact, rough = tried(bowl), tried(careless)
+    assert told[:30] == [np.inf] * 30 and len(set(told)) == 4 and sorted(told, reverse=True) == told
+    assert rough.best.price == exact.best.price and rough.rounds == exact.rounds
+
+
 def test_a_price_that_is_enough_ends_it_after_the_round(one):
     found = search(bowl, SPACE, one, rounds=50, population=10, enough=0.2)
     assert found.ended == "good enough" and found.best.price <= 0.2 and len(found.candidates) % 10 == 0 and len(found.rounds) < 50
 
 
-def interrupted(calls, x):
+def interrupted(calls, x, worth):
     calls.append(x)
     if len(calls) == 13:
         raise KeyboardInterrupt

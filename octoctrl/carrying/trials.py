@@ -179,20 +179,27 @@ class Stage:
         depth = max((float(values.deepest.max()) for values in touches(recording).values()), default=0.0)
         return total + 1e3 * max(depth - DEEP, 0.0)
 
-    def __call__(self, x: Floats) -> Judgement:
-        """Judge numbers (n,) in all scenarios, as long as there is hope."""
+    def __call__(self, x: Floats, worth: float = np.inf) -> Judgement:
+        """Judge numbers `x` (n,) in all scenarios, as long as there is hope that they cost at most what is `worth` knowing.
+
+        None of the others is taken to be better than the best that was seen.
+        """
         prices: list[float] = []
         for number in range(len(self.scenarios)):
             try:
                 prices.append(self.price(self.run(x, number)[0]))
             except PlantUnstableError:
                 prices.append(LOST)
-            if prices[-1] > self.hopeless:
+            if prices[-1] > self.hopeless or self.together(prices, min(prices)) > worth:
                 break
         tried = len(prices)
-        filled = prices + [max(prices) + 0.2] * (len(self.scenarios) - tried)
-        price = 0.5 * float(np.mean(filled)) + 0.5 * max(filled)
+        price = self.together(prices, max(prices) + 0.2)
         return Judgement(price=price, simulated=tried * self.phase.duration, runs=tried, notes=tuple(prices))
+
+    def together(self, prices: list[float], other: float) -> float:
+        """Half the mean of the `prices` of all scenarios, and half the worst; of those that were not tried it is the `other`."""
+        filled = prices + [other] * (len(self.scenarios) - len(prices))
+        return 0.5 * float(np.mean(filled)) + 0.5 * max(filled)
 
     def ended(self, x: Floats) -> list[Ended]:
         """The phase for numbers `x` in every scenario, with states at the end; one that diverges stays where it began."""

@@ -2,7 +2,8 @@
 
 Each round draws a population about a mean, judges it over an executor, and goes on from the best few: the mean becomes theirs, the spread
 partly theirs and partly what it was (de Boer et al. 2005, Ann. Oper. Res. 134:19, with smoothed spread). The numbers that are drawn depend
-on the seed alone, not on who judges them, or when.
+on the seed alone, not on who judges them, or when. Whoever judges is told the price beyond which a trial would not have been
+among the best of the round before, and may then leave off.
 """
 
 from collections.abc import Callable, Sequence
@@ -164,7 +165,7 @@ class Tell(Protocol):
 
 
 def search(
-    judge: Callable[[Floats], Judgement],
+    judge: Callable[[Floats, float], Judgement],
     unknowns: Unknowns,
     executor: Executor,
     *,
@@ -182,7 +183,8 @@ def search(
     Parameters
     ----------
     judge : callable
-        From numbers (n,) to a `Judgement`; it must be fit for the executor, such as to be sent to another process.
+        From numbers (n,) and a price to a `Judgement`, which need not be exact where it is above that price; it must be fit for the
+        executor, such as to be sent to another process.
     unknowns : Unknowns
     executor : Executor
         Of `concurrent.futures` or anything like it; what is found does not depend on it.
@@ -210,19 +212,20 @@ def search(
     check_count("rounds", rounds, at_least=1)
     check_count("elite", elite, at_least=1)
     draw, mean, spread = np.random.default_rng(seed), unknowns.within(unknowns.mean), unknowns.spread.copy()
+    worth = np.inf  # price of the worst of the elite of the round before
     found, began, processor = Searched(unknowns=unknowns, seed=seed), perf_counter(), process_time()
     try:
         for number in range(rounds):
             drawn = unknowns.within(mean + spread * draw.normal(size=(population, len(mean))))
             given = [mean, *map(unknowns.within, first)][:population] if number == 0 else []
             tried = [*given, *drawn[len(given) :]]
-            if not _judged(judge, tried, executor, found, stop, progress):
+            if not _judged(judge, worth, tried, executor, found, stop, progress):
                 break
             # The best of all rounds competes with this round's: what was once good is not forgotten.
             own = {id(x) for x in tried}
             latest = [item for item in found.candidates if id(item.x) in own][: elite - 1]
             chosen = [found.best, *(item for item in latest if item is not found.best)]
-            members = np.array([item.x for item in chosen])
+            members, worth = np.array([item.x for item in chosen]), max(item.price for item in chosen)
             found.rounds.append((found.best.price, float(np.mean([item.price for item in chosen]))))
             mean, spread = members.mean(axis=0), np.maximum(OF_ELITE * members.std(axis=0) + OF_OLD * spread, LEAST * unknowns.spread)
             if found.best.price <= enough:
@@ -235,7 +238,8 @@ def search(
 
 
 def _judged(
-    judge: Callable[[Floats], Judgement],
+    judge: Callable[[Floats, float], Judgement],
+    worth: float,
     tried: list[Floats],
     executor: Executor,
     found: Searched,
@@ -246,7 +250,7 @@ def _judged(
     running: list[Future[Judgement]] = []
     try:
         for x in tried:
-            running.append(executor.submit(judge, x))
+            running.append(executor.submit(judge, x, worth))
         for x, future in zip(tried, running, strict=True):
             if stop():
                 found.ended = "the time was up"
