@@ -1,11 +1,17 @@
 """How many posts the planner can grasp: random posts, each searched on the rod, then checked on the plant that is named.
 
-Run `python benchmarks/grasps.py --posts 50 --plant rod`; results go to standard output, a line for each post, and at the end the shares.
+Run `python benchmarks/grasps.py posts.jsonl --plant assembly-coarse-mixed`. A line for each post goes to the file as soon as it is done,
+and the next call goes on with those that are not in it; the table goes to standard output.
+
+*held* is what the planner says, by which candidate; *falsely* that the verdict on a run of its own does not pass.
 """
 
 import argparse
+import json
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -38,45 +44,69 @@ def posts(seed, count, arm):
     return found
 
 
+def tried(item, arm, plant, executor):
+    """What became of one post, as numbers and words."""
+    configuration = replace(oc.tasks.load("grasp"), scene=oc.Scene(objects=(item,)))
+    begin = process_time()
+    plan = oc.plan(configuration, plant=plant, executor=executor, time_limit=1e5)
+    place, gap, _ = nearest(arm, item)
+    tilt = float(np.degrees(np.arccos(min(abs(item.axis[1]), 1.0))))
+    row = {"diameter": 2e3 * item.radius, "meets": 1e3 * place, "gap": 1e3 * gap, "tilt": tilt, "status": plan.status.name.lower()}
+    row |= {"processor": process_time() - begin, "reason": plan.report.reason, **plan.report.stages}
+    if row["status"] == "refused":
+        return row
+    candidates = sum(line.startswith("candidate") for line in plan.report.tried)
+    row |= {"candidate": candidates, "price": plan.report.price, "trials": plan.report.starts, "tried": plan.report.tried}
+    if plan.status.solved:
+        run = oc.execute(plan, plant=plant, allow_unsolved=True)
+        hold = hold_in(RecordedOutputs(run.recording, run.trace, arm), "post")
+        late = run.recording.time > run.recording.time[-1] - 1.0
+        row |= {"held": float(np.abs(hold.covered[late]).min()), "falsely": not oc.verify(run).passed}
+        row |= {"normal_force": 1e3 * float(hold.touch.normal_force[-1]), "depth": 1e3 * float(hold.touch.deepest.max())}
+    return row
+
+
+def shown(number, row):
+    """A row as a line of the table."""
+    where = f"{number:3d}  D {row['diameter']:4.1f} mm  meets {row['meets']:5.1f} mm  gap {row['gap']:4.1f} mm  {row['tilt']:2.0f} deg"
+    if row["status"] == "refused":
+        return f"{where}  refused"
+    cost = f"price {row['price']:.2f}, {row['trials']} trials; search {row['search']:.0f} s, check {row['check']:.0f} s"
+    if "held" not in row:
+        return f"{where}  missed   {cost}: {row['reason']}"
+    said = f"C {row['held']:.2f}, {row['normal_force']:.0f} mN, {row['depth']:.3f} mm deep" + ("  FALSELY" if row["falsely"] else "")
+    return f"{where}  {row['status']:8} by candidate {row['candidate']}: {said}; {cost}"
+
+
 def main():
     asked = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    asked.add_argument("file", type=Path, help="what was found, a line of JSON for each post")
     asked.add_argument("--posts", type=int, default=50)
-    asked.add_argument("--first", type=int, default=0, help="number of the first post that is tried")
     asked.add_argument("--seed", type=int, default=7)
     asked.add_argument("--plant", default="rod")
     given = asked.parse_args()
-    arm, base = oc.Arm.octopus(), oc.tasks.load("grasp")
-    counts = {"held": 0, "missed": 0, "refused": 0}
-    first_held = 0
+    arm, rows = oc.Arm.octopus(), {}
+    if given.file.exists():
+        for line in given.file.read_text(encoding="utf-8").splitlines():
+            row = json.loads(line)
+            if (row["seed"], row["plant"]) == (given.seed, given.plant):
+                rows[row["number"]] = row
+                print(shown(row["number"], row))
     with ThreadPoolExecutor(1) as one:
         for number, item in enumerate(posts(given.seed, given.posts, arm)):
-            if number < given.first:
+            if number in rows:
                 continue
-            configuration = replace(base, scene=oc.Scene(objects=(item,)))
-            begin = process_time()
-            plan = oc.plan(configuration, plant=given.plant, executor=one, time_limit=1e5)
-            spent = process_time() - begin
-            status, said = plan.status.name.lower(), [line for line in plan.report.tried if line.startswith("candidate")]
-            counts[status] += 1
-            first_held += status == "held" and len(said) == 1
-            place, gap, _ = nearest(arm, item)
-            where = f"{number:2d}  D {2e3 * item.radius:4.1f} mm  meets {1e3 * place:5.1f} mm  gap {1e3 * gap:4.1f} mm"
-            if status == "refused":
-                print(f"{where}  refused: {plan.report.reason}", flush=True)
-                continue
-            run = oc.execute(plan, plant=given.plant, allow_unsolved=True)
-            hold = hold_in(RecordedOutputs(run.recording, run.trace, arm), "post")
-            late = run.recording.time > run.recording.time[-1] - 1.0
-            covered = np.abs(hold.covered[late]).min()
-            search, tries = plan.report.stages["search"], f"{len(said)} of {plan.report.starts}"
-            print(
-                f"{where}  {status}  C {covered:.2f}  W {abs(hold.winding[-1]):.2f}  N {1e3 * hold.touch.normal_force[-1]:.0f} mN  depth "
-                f"{1e3 * hold.touch.deepest.max():.3f} mm  price {plan.report.price:.2f}  candidates {tries}  "
-                f"search {search:.1f} s of {spent:.1f} s",
-                flush=True,
-            )
-    tried = counts["held"] + counts["missed"]
-    print(f"{counts}; held {counts['held']} of {tried}, by the first candidate {first_held}", flush=True)
+            rows[number] = {"seed": given.seed, "plant": given.plant, "number": number, **tried(item, arm, given.plant, one)}
+            with given.file.open("a", encoding="utf-8") as out:
+                out.write(json.dumps(rows[number]) + "\n")
+            print(shown(number, rows[number]), flush=True)
+    tries = [row for row in rows.values() if row["status"] != "refused"]
+    held = [row for row in tries if "held" in row]
+    counts = dict(Counter(row["status"] for row in rows.values()))
+    first, false = sum(row["candidate"] == 1 for row in held), sum(row["falsely"] for row in held)
+    search = sorted(row["search"] for row in tries)
+    print(f"{counts}; of {len(tries)} tried {len(held)} are held, {first} of them by the first candidate, {false} falsely")
+    print(f"processor time of a search: median {search[len(search) // 2]:.0f} s, at most {search[-1]:.0f} s" if search else "")
 
 
 if __name__ == "__main__":

@@ -328,11 +328,11 @@ def test_a_plan_says_what_was_tried_and_depends_on_its_seed(searched):
     assert str(first).count("seed 1:") == 1
 
 
-def as_given(hold, monkeypatch, post=POST, scenarios=(PLANNED,)):
+def as_given(hold, monkeypatch, post=POST, scenarios=(PLANNED,), free=("level", "azimuth")):
     """The plan for a post by the numbers of the hold, which are not searched."""
     plan, _, _ = hold
     (curl,) = plan.schedule.primitives
-    drive = oc.Drive(name="curl", primitive=replace(curl, onset=0.0), begins="grasp", delay=curl.onset, free=("level", "azimuth"))
+    drive = oc.Drive(name="curl", primitive=replace(curl, onset=0.0), begins="grasp", delay=curl.onset, free=free)
     task = replace(plan.task, drives=(drive,), choose=None)
     monkeypatch.setattr(searching, "_scenarios", lambda task, work: scenarios)
     return plan_by_search(task, replace(plan.model, scene=oc.Scene(objects=(post,))), population=2, rounds=1), curl
@@ -354,7 +354,7 @@ def test_a_plan_is_held_only_where_the_whole_verdict_passes(hold, monkeypatch):
 
 
 def test_a_plan_that_one_scenario_loses_is_not_called_held(hold, monkeypatch):
-    found, _ = as_given(hold, monkeypatch, scenarios=(PLANNED, Scenario(bend=0.3), Scenario(friction=0.5)))
+    found, _ = as_given(hold, monkeypatch, scenarios=(PLANNED, Scenario(bend=0.3), Scenario(friction=0.5)), free=())
     assert found.status is PlanStatus.FRAGILE and found.status.solved
     assert found.report.reason == "lost in 1 of 3 scenarios on the plant 'rod'"
     assert found.report.tried[-1].startswith("the plan on the plant 'rod': worst goal in tolerances, by scenario: 0.00, ")
