@@ -74,6 +74,15 @@ def test_whoever_judges_is_told_what_is_worth_knowing(one):
     assert rough.best.price == exact.best.price and rough.rounds == exact.rounds
 
 
+def test_a_search_goes_on_where_one_ended(one):
+    first = search(bowl, SPACE, one, rounds=3, population=20)
+    best, spread = first.best.price, first.spread.copy()
+    on = search(bowl, SPACE, one, seed=1, rounds=12, population=20, after=first)
+    assert on is first and len(on.rounds) == 15 and on.runs == len(on.candidates) == 300
+    assert on.best.price < best and (on.spread < spread).all() and on.worth >= on.best.price
+    np.testing.assert_allclose(on.best.x, [0.3, -0.6, 0.8], atol=0.05)
+
+
 def test_a_price_that_is_enough_ends_it_after_the_round(one):
     found = search(bowl, SPACE, one, rounds=50, population=10, enough=0.2)
     assert found.ended == "good enough" and found.best.price <= 0.2 and len(found.candidates) % 10 == 0 and len(found.rounds) < 50

@@ -184,7 +184,7 @@ def test_the_nearest_point_of_the_arm_at_rest():
     assert gap == pytest.approx(0.03 - float(ARM.section(0.1).outer_radius), abs=5e-4)
     assert place == pytest.approx(0.1, abs=0.01) and azimuth == pytest.approx(np.pi / 2)
     drives = grasp_drives(task_for(item).task, ARM, oc.Scene(objects=(item,))).drives
-    assert drives[0].primitive.start == pytest.approx(place - 0.05) and drives[0].primitive.azimuth == azimuth
+    assert drives[0].primitive.start == pytest.approx(place - 0.027) and drives[0].primitive.azimuth == azimuth
 
 
 def test_what_is_too_thick_for_the_arm_is_refused_before_anything_moves():

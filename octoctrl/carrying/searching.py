@@ -37,11 +37,12 @@ from .trials import HOPELESS, LOST, Stage, plant_for
 SEARCHED_ON = "rod"
 """The plant on which is searched."""
 
-ENOUGH, BAD = 0.15, 1.6
-"""Price of a goal that needs no bettering, unless it says one, and how many times that of all goals another search has to follow."""
+ENOUGH = 0.15
+"""Price of a goal that needs no bettering, unless it says one."""
 
-SEARCHES, CANDIDATES, APART = 3, 3, 0.6
-"""Searches of a phase at most, candidates that are checked on the plant, and how far apart these lie, in first spreads."""
+ROUNDS, FIRST_ROUNDS, CANDIDATES, APART = 15, 2, 3, 0.6
+"""Rounds of a phase at most, and from each of several starts before the best goes on alone; candidates that are checked on the plant, and
+how far apart these lie, in first spreads."""
 
 
 @dataclass(slots=True)
@@ -58,7 +59,7 @@ class Work:
         Wall clock.
     seed : int
     population, rounds : int
-        Of each search.
+        Trials of a round, and rounds of a phase at most.
     spread : float
         How far it looks at first, over the usual.
     errors : dict of str to float
@@ -72,7 +73,7 @@ class Work:
     limit: float
     seed: int
     population: int = 18
-    rounds: int = 5
+    rounds: int = ROUNDS
     spread: float = 1.0
     errors: Mapping[str, float] = field(default_factory=dict)
     begin: float = field(default_factory=perf_counter)
@@ -90,7 +91,7 @@ def plan_by_search(
     time_limit: float = 60.0,
     seed: int = 0,
     population: int = 18,
-    rounds: int = 5,
+    rounds: int = ROUNDS,
     spread: float = 1.0,
     errors: Mapping[str, float] | None = None,
     executor: Executor | None = None,
@@ -111,7 +112,7 @@ def plan_by_search(
         Wall clock of the search; what was found until then is checked.
     seed : int
     population, rounds : int
-        Of each search.
+        Trials of a round, and rounds of a phase at most.
     spread : float
         How far it looks at first from the task's own numbers, over the usual.
     errors : mapping of str to float, optional
@@ -210,10 +211,10 @@ def _scenarios(task: Task, work: Work) -> tuple[Scenario, ...]:
 
 
 def _starts(task: Task, index: int, work: Work) -> list[Task]:
-    """The task with drives, once for each search of a phase that may be needed."""
+    """The task with drives, once for each start of a phase."""
     if task.choose is not None and index == 0:
         return [grasp_drives(task, work.arm, work.scene, start).on(work.arm) for start in range(len(FIRST_TWISTS))]
-    return [task] * SEARCHES
+    return [task]
 
 
 def _stage(
@@ -234,8 +235,23 @@ def _stage(
     )  # fmt: skip
 
 
+def _rounds(stage: Stage, after: Searched | None, work: Work, rounds: int, enough: float, seed: int) -> Searched:
+    """Some rounds of a stage, from its own numbers or after others."""
+    work.progress.start(f"searching phase '{stage.phase.name}'", float(work.population * (rounds + (len(after.rounds) if after else 0))))
+    try:
+        result = search(
+            stage, stage.unknowns, work.executor, seed=work.seed + seed, population=work.population, rounds=rounds, enough=enough,
+            after=after, stop=work.over, progress=work.progress,
+        )  # fmt: skip
+    finally:
+        work.progress.stop()
+    if result.ended == "interrupted":
+        work.limit = 0.0  # nor are later phases searched
+    return result
+
+
 def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tuple[Stage, Candidate]], list[str], int]:
-    """Search a phase from one start after the other, until one is good; the best candidates that lie apart, and what was tried."""
+    """Search a phase from each start, then on from the best; the best candidates that lie apart, and what was tried."""
     found: list[tuple[Stage, Searched]] = []
     enough = sum(float(getattr(goal, "enough", ENOUGH)) for goal in stages[0].phase.goals)
     name = stages[0].phase.name
@@ -249,26 +265,18 @@ def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tup
             [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"],
             1,
         )
+    first = FIRST_ROUNDS if len(stages) > 1 else work.rounds
     for number, stage in enumerate(stages):
-        unknowns = stage.unknowns
-        if found and stage.task == found[-1][0].task:  # the same start again: better from the best so far
-            unknowns = replace(unknowns, mean=min((result.best for _, result in found), key=lambda item: item.price).x)
-        work.progress.start(f"searching phase '{name}', start {number + 1}", float(work.population * work.rounds))
-        try:
-            result = search(
-                stage, unknowns, work.executor, seed=work.seed + 1000 * index + number, population=work.population,
-                rounds=work.rounds, enough=enough, stop=work.over, progress=work.progress,
-            )  # fmt: skip
-        finally:
-            work.progress.stop()
-        if result.ended == "interrupted":
-            work.limit = 0.0  # nor are later phases searched
-        if result.candidates:
-            found.append((stage, result))
-        if work.over() or (result.candidates and result.best.price < BAD * enough):
+        found.append((stage, _rounds(stage, None, work, min(first, work.rounds), enough, 1000 * index + number)))
+        if work.over() or found[-1][1].ended == "good enough":
             break
+    found = [(stage, result) for stage, result in found if result.candidates]
     if not found:  # no time: the task's own numbers
         return [(stages[0], Candidate(stages[0].unknowns.mean, Judgement(price=LOST, runs=0)))], [f"phase '{name}' was not searched"], 0
+    left = work.rounds - sum(len(result.rounds) for _, result in found)
+    stage, result = min(found, key=lambda pair: pair[1].best.price)
+    if left > 0 and result.ended != "good enough" and not work.over():
+        _rounds(stage, result, work, left, enough, 1000 * index + len(stages))
     ranked = sorted(((stage, item) for stage, result in found for item in result.apart(CANDIDATES, APART)), key=lambda pair: pair[1].price)
     said = [f"phase '{name}', {result}" for _, result in found]
     return ranked[:CANDIDATES], said, sum(len(result.candidates) for _, result in found)

@@ -42,7 +42,7 @@ LOOKED_AT = 0.4
 """Time before the end of a phase that a search looks at at least, s, so that what is still moving shows."""
 
 SPREADS = {
-    "azimuth": 0.8, "level": 0.12, "profile": 0.6, "start": 0.03, "stop": 0.02, "speed": 0.04, "delay": 0.3, "turns": 0.15,
+    "azimuth": 0.8, "level": 0.15, "profile": 0.4, "start": 0.02, "stop": 0.02, "speed": 0.04, "delay": 0.3, "turns": 0.15,
     "lasts": 0.1, "rise": 0.3, "fall": 0.3,
 }  # fmt: skip
 """How far a search looks at first, by the name of the number; of others a quarter of their range."""

@@ -19,7 +19,7 @@ from octoctrl.sim.errors import OctoctrlError, check_count
 
 Floats = NDArray[np.float64]
 
-OF_ELITE, OF_OLD, LEAST = 0.7, 0.15, 0.02
+OF_ELITE, OF_OLD, LEAST = 0.9, 0.15, 0.02
 """The spread becomes so much of the elite's and so much of what it was, and is at least this share of the first."""
 
 
@@ -110,6 +110,10 @@ class Searched:
     wall : float, s
     ended : str
         Why it ended, as a part of a sentence.
+    mean, spread : (n,) float64
+        About which the next round would draw, and how far.
+    worth : float
+        Price of the worst of the last elite.
     """
 
     unknowns: Unknowns
@@ -121,6 +125,9 @@ class Searched:
     processor: float = 0.0
     wall: float = 0.0
     ended: str = "all rounds were done"
+    mean: Floats = field(default_factory=lambda: np.zeros(0))
+    spread: Floats = field(default_factory=lambda: np.zeros(0))
+    worth: float = np.inf
 
     @property
     def best(self) -> Candidate:
@@ -175,6 +182,7 @@ def search(
     elite: int = 5,
     enough: float = -np.inf,
     first: Sequence[Floats] = (),
+    after: Searched | None = None,
     stop: Callable[[], bool] = lambda: False,
     progress: Tell | None = None,
 ) -> Searched:
@@ -194,6 +202,8 @@ def search(
         Price at which it ends after the present round.
     first : sequence of (n,) float64
         Tried in the first round beside the mean.
+    after : Searched, optional
+        A search of the same unknowns that this one goes on with; what it found is kept, and it is added to.
     stop : callable
         Whether time is up.
     progress : Tell, optional
@@ -211,29 +221,32 @@ def search(
     check_count("population", population, at_least=2)
     check_count("rounds", rounds, at_least=1)
     check_count("elite", elite, at_least=1)
-    draw, mean, spread = np.random.default_rng(seed), unknowns.within(unknowns.mean), unknowns.spread.copy()
-    worth = np.inf  # price of the worst of the elite of the round before
-    found, began, processor = Searched(unknowns=unknowns, seed=seed), perf_counter(), process_time()
+    draw, began, processor = np.random.default_rng(seed), perf_counter(), process_time()
+    found = after or Searched(unknowns=unknowns, seed=seed, mean=unknowns.within(unknowns.mean), spread=unknowns.spread.copy())
+    found.ended, seen = "all rounds were done", len(found.rounds)
     try:
-        for number in range(rounds):
+        for number in range(seen, seen + rounds):
+            mean, spread = found.mean, found.spread
             drawn = unknowns.within(mean + spread * draw.normal(size=(population, len(mean))))
             given = [mean, *map(unknowns.within, first)][:population] if number == 0 else []
             tried = [*given, *drawn[len(given) :]]
-            if not _judged(judge, worth, tried, executor, found, stop, progress):
+            if not _judged(judge, found.worth, tried, executor, found, stop, progress):
                 break
             # The best of all rounds competes with this round's: what was once good is not forgotten.
             own = {id(x) for x in tried}
             latest = [item for item in found.candidates if id(item.x) in own][: elite - 1]
             chosen = [found.best, *(item for item in latest if item is not found.best)]
-            members, worth = np.array([item.x for item in chosen]), max(item.price for item in chosen)
+            members, found.worth = np.array([item.x for item in chosen]), max(item.price for item in chosen)
             found.rounds.append((found.best.price, float(np.mean([item.price for item in chosen]))))
-            mean, spread = members.mean(axis=0), np.maximum(OF_ELITE * members.std(axis=0) + OF_OLD * spread, LEAST * unknowns.spread)
+            found.mean = members.mean(axis=0)
+            found.spread = np.maximum(OF_ELITE * members.std(axis=0) + OF_OLD * spread, LEAST * unknowns.spread)
             if found.best.price <= enough:
                 found.ended = "good enough"
                 break
     except KeyboardInterrupt:
         found.ended = "interrupted"
-    found.processor, found.wall = process_time() - processor, perf_counter() - began
+    found.processor += process_time() - processor
+    found.wall += perf_counter() - began
     return found
 
 
