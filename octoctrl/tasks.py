@@ -70,7 +70,7 @@ def load(task: str | Path, *, overrides: Iterable[str] = ()) -> "Configuration":
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise OctoctrlError(f"{path} is not a text file; a task file is TOML in UTF-8") from None
-    return parse(text, name=path.name, overrides=overrides)
+    return parse(text, name=path.name, overrides=overrides, folder=path.parent)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import octoctrl as oc
+from octoctrl.files.configuration import parse
+from octoctrl.files.toml_writing import toml_of
 from octoctrl.planners.asking.copying import copied
 from octoctrl.planners.asking.goals.shape import ShapeGoal
 from octoctrl.sim.errors import OctoctrlError
@@ -67,3 +69,68 @@ def test_what_cannot_be_copied_is_said(curl):
         copied(centreline, drives, times=[0.1, 5.0])
     with pytest.raises(OctoctrlError, match=r"points along the arm are needed"):
         ShapeGoal(value=())
+
+
+TASK = """[task]
+name = "wave"
+[task.copy]
+file = "line.csv"
+times = [0.5, 1.0]
+points = 2
+[[task.drives]]
+name = "bend"
+primitive = "Bend"
+begins = "1"
+"""
+
+
+def table(*, length=0.2, along=(0.0, 1.0, 0.0), base=(0.0, 0.0, 0.0), heading="time [s],point,x [mm],y [mm],z [mm]"):
+    """A straight line whose tip goes 30 mm aside within a second."""
+    lines = [heading]
+    for time in (0.0, 1.0):
+        for point, share in enumerate(np.linspace(0.0, 1.0, 5)):
+            place = 1e3 * (np.array(base) + share * length * np.array(along)) + [30.0 * share**2 * time, 0.0, 0.0]
+            lines.append(f"{time},{point},{','.join(f'{number:.6f}' for number in place)}")
+    return "\n".join(lines)
+
+
+def test_a_task_file_names_its_table(tmp_path, monkeypatch):
+    """The path counts from the task file; phases end at the times, with shapes between the measured ones; nothing of the table is lost."""
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "line.csv").write_text(table())
+    (tmp_path / "there" / "wave.toml").write_text(TASK)
+    monkeypatch.chdir(tmp_path)
+    found = oc.tasks.load("there/wave.toml")
+    assert [(phase.name, phase.duration, phase.longest) for phase in found.task.phases] == [("1", 0.5, 0.5), ("2", 0.5, 0.5)]
+    half, whole = (phase.goals[0].value for phase in found.task.phases)
+    np.testing.assert_allclose(half, [[0.00375, 0.1, 0.0], [0.015, 0.2, 0.0]], atol=6e-4)
+    np.testing.assert_allclose(whole[-1], [0.03, 0.2, 0.0], atol=1e-9)
+    assert parse(toml_of(found)) == found  # which stands for itself, without the table
+    points = oc.tasks.load("there/wave.toml", overrides=["task.copy.points=3"]).task.phases[0].goals[0].value
+    assert len(points) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "rows", "message"),
+    [
+        (TASK, None, "w.toml:4 task.copy.file: {folder}/line.csv cannot be read: No such file or directory"),
+        (TASK, "time [s],point,x [mm],y [mm]\n0,0,0,0", "w.toml:4 task.copy.file: {folder}/line.csv has no column z (found: time [s], point, x [mm], y [mm]); time, point, x, y, z are needed"),
+        (TASK, table(heading="time,point,x,y,z"), "w.toml:4 task.copy.file: {folder}/line.csv does not say its unit of length; write it into the headings, as in 'x [mm]', or give unit='mm'"),
+        (TASK, table(length=0.31), "w.toml:4 task.copy.file: the centreline is 310 mm long at first, the arm 200 mm; scale the positions, or give arm.length what was measured"),
+        (TASK, table(base=(0.05, 0.0, 0.0)), "w.toml:4 task.copy.file: the centreline begins at (50, 0, 0) mm in the direction (0, 1, 0); the arm's base is at the origin and leaves it along +y: shift and turn the positions"),
+        (TASK, table(along=(0.0, 0.0, 1.0)), "w.toml:4 task.copy.file: the centreline begins at (0, 0, 0) mm in the direction (0, 0, 1); the arm's base is at the origin and leaves it along +y: shift and turn the positions"),
+        (TASK.replace("0.5, 1.0", "1.0, 0.5"), table(), "w.toml:5 task.copy.times: times [1.0, 0.5]: instants within the 1 s of the centreline are needed, at least 0.2 s apart"),
+        (TASK.replace("points = 2", "points = 0"), table(), "w.toml:6 task.copy.points: points=0 is outside >= 1"),
+        (TASK.replace("points", "pionts"), table(), "w.toml:6 task.copy.pionts: unknown key; did you mean 'points'? (known: file, times, points, tolerance)"),
+        (TASK.replace('file = "line.csv"', ""), table(), "w.toml:3 task.copy: 'file' is missing"),
+        (TASK + '[[task.phases]]\nname = "a"\nduration = 1.0\n', table(), "w.toml:11 task.phases: phases follow from task.copy; leave one of them out"),
+    ],
+    ids=range(11),
+)  # fmt: skip
+def test_a_table_that_cannot_be_copied_is_said(tmp_path, text, rows, message):
+    (tmp_path / "w.toml").write_text(text)
+    if rows is not None:
+        (tmp_path / "line.csv").write_text(rows)
+    with pytest.raises(OctoctrlError) as caught:
+        oc.tasks.load(tmp_path / "w.toml")
+    assert str(caught.value) == message.format(folder=tmp_path)

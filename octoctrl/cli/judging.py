@@ -24,6 +24,9 @@ def verify(run_file: RunFile, as_json: AsJson = False) -> ExitCode:
 def compare(
     run_file: RunFile,
     picture: Annotated[Path | None, typer.Option("--plot", metavar="PICTURE", help="Draw the traces: .png, .pdf or .svg.")] = None,
+    kymograph: Annotated[
+        Path | None, typer.Option("--kymograph", metavar="PICTURE", help="Draw bending over time and arclength: .png, .pdf or .svg.")
+    ] = None,
     overlap: Annotated[bool, typer.Option("--overlap", help="Compare a run that was cut short as far as it goes.")] = False,
     force: Overwrite = False,
     as_json: AsJson = False,
@@ -39,6 +42,11 @@ def compare(
 
         plot(execution, picture, overwrite=force, overlap=overlap)
         say(f"wrote {picture}")
+    if kymograph is not None:
+        from ..pictures.kymograph import kymograph as draw
+
+        draw(execution, kymograph, overwrite=force)
+        say(f"wrote {kymograph}")
     print_result(comparison, {"errors": comparison.summary(), "level_times": comparison.delays}, as_json)
     return ExitCode.WELL
 

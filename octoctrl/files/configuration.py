@@ -5,15 +5,18 @@ The schema is the dataclasses: a key of the file is a field of `Configuration`, 
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 
+from octoctrl.planners.asking.copying import check_like
 from octoctrl.planners.asking.task import Task
 from octoctrl.planners.following.controllers import check_feedback
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.errors import check_count, check_number
+from octoctrl.sim.errors import OctoctrlError, check_count, check_number
 from octoctrl.sim.plants import check_plant
 from octoctrl.sim.scene.scene import Scene
 
 from .conversion import build
+from .copying import KEY, copied_centreline
 from .toml_source import Source, assign, tables
 
 
@@ -94,7 +97,7 @@ class Configuration:
     run: RunSettings = field(default=RunSettings())
 
 
-def parse(text: str, *, name: str = "task.toml", overrides: Iterable[str] = ()) -> Configuration:
+def parse(text: str, *, name: str = "task.toml", overrides: Iterable[str] = (), folder: Path = Path()) -> Configuration:
     """Read a configuration from TOML; a byte-order mark is passed over.
 
     Parameters
@@ -104,6 +107,8 @@ def parse(text: str, *, name: str = "task.toml", overrides: Iterable[str] = ()) 
         File name for messages.
     overrides : iterable of str
         Assignments such as ``task.phases.store.duration=1.2``; elements of a list are addressed by their `name` or as ``phases[0]``.
+    folder : Path
+        Where files stand that the text names.
 
     Returns
     -------
@@ -119,5 +124,11 @@ def parse(text: str, *, name: str = "task.toml", overrides: Iterable[str] = ()) 
     source = Source(name, text)
     for assignment in overrides:
         source.overridden.append(assign(data, assignment))
+    copied = copied_centreline(data, source, folder)
     made: Configuration = build(Configuration, data, source)
+    if copied is not None:
+        try:
+            check_like(copied, made.arm)
+        except OctoctrlError as error:
+            raise OctoctrlError(f"{source.where((*KEY, 'file'))}: {error}") from None
     return made

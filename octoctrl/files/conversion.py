@@ -33,7 +33,7 @@ UNITS: dict[str, tuple[str, dict[str, int | None]]] = {
 
 _FIELDS_IN = {
     "m": "length base_radius ring_radius oblique_radius oblique_pitch window width centre radius margin start stop point position size",
-    "s": "duration shortest longest rise fall onset offset time_limit hold since until period lasts",
+    "s": "duration shortest longest rise fall onset offset time_limit hold since until period lasts times",
     "m/s": "speed velocity",
     "Pa": "youngs_modulus shear_modulus maximum_stress compression_modulus",
     "rad": "sucker_azimuth azimuth",
@@ -77,6 +77,8 @@ def build(hint: Any, value: Any, source: Source, path: Path = (), *, unit: str |
     if hint is Drive:
         return _build_drive(value, source, path)
     if is_dataclass(hint) and isinstance(hint, type):
+        if isinstance(value, hint):  # made already, of what the file names
+            return value
         return _build_table([hint], value, source, path, default)
     if hint == tuple[Drive, ...] and value == CHOOSE:
         return value

@@ -149,12 +149,17 @@ def planned_points(plan: Plan, times: Floats) -> Floats | None:
     -------
     (T, n + 1, 3) float64, m, or None if the plan carries no shape
     """
+    strains = planned_strains(plan, times)
+    return None if strains is None else plan.model.points(strains)
+
+
+def planned_strains(plan: Plan, times: Floats) -> Floats | None:
+    """The strains (T, S, 4) of a `plan` at `times`, as `planned_points` takes them; None if it carries no shape."""
     if not plan.strains.size:
         return None
     when = np.clip(times, plan.time[0], plan.time[-1])
     flat = plan.strains.reshape(len(plan.time), -1)
-    strains = np.stack([np.interp(when, plan.time, column) for column in flat.T], axis=1).reshape(len(when), *plan.strains.shape[1:])
-    return plan.model.points(strains)
+    return np.stack([np.interp(when, plan.time, column) for column in flat.T], axis=1).reshape(len(when), *plan.strains.shape[1:])
 
 
 def rms(values: ArrayLike) -> float:

@@ -82,7 +82,7 @@ def motion_of(run: Execution, *, instants: int = INSTANTS, places: int = PLACES)
     levels = _between(centres, np.moveaxis(recording.levels[chosen], 1, 2), arclength)
     drawn = [index for index in range(len(MUSCLE_GROUPS)) if recording.levels[:, index].max() > RESTING]
     width = outer_radius(arm, arclength)
-    planned = planned_points(run.plan, time)
+    planned = planned_points(run.plan, run.clock[chosen])
     ghost = None if planned is None else _along(arm.edges, planned, arclength)
     return Motion(
         time=time,

@@ -13,7 +13,9 @@ from ..citation import CITATION
 from ..files.configuration import Configuration, RunSettings
 from ..files.store import versions
 from ..files.toml_writing import toml_of
+from ..judging.packet import packets
 from .contact import Grip, contact_picture, grips
+from .kymograph import packet_picture
 from .traces import still_picture, traces_picture
 
 
@@ -96,9 +98,12 @@ def section(
     name = f"<h2>{html.escape(made(run))}</h2>" if several else ""
     held = grips(run)
     touching = _panel(contact_picture(run, held, left, width), left, width) if held else ""
+    travels = run.plan.strains.size and any(goal.quantity == "packet" for phase in run.plan.task.phases for goal in phase.goals)
+    travelling = _panel(packet_picture(run, left, width), left, width) if travels else ""
     return (
-        f'<section id="run-{number}">{name}<main><div>{view}{drawn[False]}{_events(run)}{_contact(run, held)}</div>'
-        f'<div style="--left:{left:.3f}%;--width:{width:.3f}%">{traces}{touching}{drawn[True]}'
+        f'<section id="run-{number}">{name}<main><div>{view}{drawn[False]}{_events(run)}{_packet(run) if travels else ""}'
+        f"{_contact(run, held)}</div>"
+        f'<div style="--left:{left:.3f}%;--width:{width:.3f}%">{traces}{travelling}{touching}{drawn[True]}'
         f"<h2>Verdict, measured on the simulation</h2>{checks_table(verdict)}</div></main>"
         f"{_details(number, run)}</section>"
     )
@@ -161,6 +166,23 @@ def _contact(run: Execution, held: list[Grip]) -> str:
     return (
         "<h2>Contact</h2><table><tr><th>object</th><th>first touch</th><th>largest force</th><th>turns on it</th><th>longest slip</th>"
         f"<th>deepest overlap</th></tr>{''.join(rows)}</table>"
+    )
+
+
+def _packet(run: Execution) -> str:
+    """Where the packet of bending was, and how fast, wide and strong, at the ends of the phases that ask for it: planned, simulated."""
+    tracks = dict(zip(("planned", "simulated"), packets(run), strict=True))
+    asking = {phase.name for phase in run.plan.task.phases for goal in phase.goals if goal.quantity == "packet"}
+    rows = []
+    for event in run.events:
+        for kind, track in tracks.items() if event.phase in asking else ():
+            assert track is not None  # where the plan carries a shape
+            values = (1e3 * track.position, 1e2 * track.speed, 1e2 * track.pace, 1e3 * track.width, track.amplitude)
+            cells = "".join(f"<td>{np.interp(event.actual, track.time, row):.3g}</td>" for row in values)
+            rows.append(f"<tr><td>{html.escape(event.phase)}</td><td>{kind}</td>{cells}</tr>")
+    return (
+        "<h2>Packet of bending</h2><table><tr><th>at the end of</th><th></th><th>place [mm]</th><th>speed along the arm [cm/s]</th>"
+        f"<th>in the laboratory [cm/s]</th><th>width [mm]</th><th>bending strain</th></tr>{''.join(rows)}</table>"
     )
 
 

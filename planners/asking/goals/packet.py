@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...contracts import Expression, Outputs
+from ...contracts import Expression, Floats, Outputs
 from ..registry import register_goal
 from .measured import ScalarGoal, bending
 
@@ -28,10 +28,19 @@ class PacketGoal(ScalarGoal):
 
     def read(self, outputs: Outputs) -> Expression:
         """Rest arclength, (T,), m."""
-        stations = outputs.stations
-        points = np.linspace(stations[0], stations[-1], POINTS)
-        middles = (stations[1:] + stations[:-1]) / 2
-        # Linear between the middles of the gaps; radii relative to the base, for only their ratio counts.
-        between = np.stack([np.interp(points, middles, unit) for unit in np.eye(len(middles))]) * outputs.arm.section(points).outline
-        weights = (bending(outputs) @ between) ** POWER
+        points = places(outputs)
+        weights = bending_strain(outputs) ** POWER
         return (weights @ points) / (weights @ np.ones(POINTS))
+
+
+def places(outputs: Outputs) -> Floats:
+    """Rest arclengths (POINTS,), m, at which `bending_strain` is read: evenly from base to tip."""
+    return np.linspace(outputs.stations[0], outputs.stations[-1], POINTS)
+
+
+def bending_strain(outputs: Outputs) -> Expression:
+    """Bending strain r |k| with the nominal radius, (T, POINTS): linear between the middles of the gaps between the stations."""
+    stations, points = outputs.stations, places(outputs)
+    middles = (stations[1:] + stations[:-1]) / 2
+    radius = outputs.arm.base_radius * outputs.arm.section(points).outline
+    return bending(outputs) @ (np.stack([np.interp(points, middles, unit) for unit in np.eye(len(middles))]) * radius)
