@@ -98,7 +98,7 @@ OBJECTS = [
     (lambda: oc.TopologyConvention(pole=(0, 0)), "pole is (0, 0); three finite numbers are needed, not all zero, for example (0, 0, 1)"),
     (lambda: saturated().levels([0.62], np.linspace(0, 0.2, 21)), "activation of LM1 reaches 1.34 at t=0.62 s, s=0.01 m (Plateau 0.80 + Plateau 0.54); scale, shift, or pass on_saturation='clip'"),
     (lambda: oc.Activation(composition="sum"), "unknown composition 'sum' (override, handover, max, add)"),
-    (lambda: tasks.load("coli"), "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, corkscrew, grasp, lm-helix, packet, tip, twist, or the path of a .toml file)"),
+    (lambda: tasks.load("coli"), "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, copy, corkscrew, grasp, lm-helix, packet, tip, twist, or the path of a .toml file)"),
     (lambda: tasks.programme("fig2f"), "unknown programme 'fig2f'; did you mean 'fig4f'? (fig2c, fig2e, fig3a, fig3b, fig3c, fig4a, fig4e, fig4f, fig4g, fig4i, si10b, si11a, si9)"),
     (lambda: oc.report([]), "a report needs at least one run; the list is empty"),
     (lambda: oc.Centreline(time=np.zeros(1), points=np.arange(9.0).reshape(1, 3, 3)), "points has shape (1, 3, 3); (T, n, 3) with at least 4 points along the arm is needed"),
@@ -194,8 +194,8 @@ COMMANDS = [
     (["topology", "none.csv"], "none.csv cannot be read: No such file or directory"),
     (["topology", "there.npz"], "there.npz has no column time, point, x, y, z (found: not ours); time, point, x, y, z are needed"),
     (["topology", "none.csv", "--plot", "a.bmp"], "unknown format '.bmp'; use .png or .pdf or .svg"),
-    (["tasks", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, corkscrew, grasp, lm-helix, packet, tip, twist, or the path of a .toml file)"),
-    (["demo", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, corkscrew, grasp, lm-helix, packet, tip, twist, or the path of a .toml file)"),
+    (["tasks", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, copy, corkscrew, grasp, lm-helix, packet, tip, twist, or the path of a .toml file)"),
+    (["demo", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, copy, corkscrew, grasp, lm-helix, packet, tip, twist, or the path of a .toml file)"),
 ]  # fmt: skip
 
 
