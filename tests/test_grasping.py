@@ -314,6 +314,9 @@ def test_a_plan_says_of_the_plant_what_the_plant_does(searched):
     assert check.value == pytest.approx(miss["grasp", "covered_winding"], abs=1e-9)
     assert plan.status.solved == oc.verify(run).passed
     assert plan.status in (PlanStatus.HELD, PlanStatus.FRAGILE, PlanStatus.MISSED)
+    told = {check.name: check.value for check in oc.verify(run).checks}
+    assert plan.report.measured == pytest.approx({name: told[name] for name in plan.report.measured}, abs=1e-9)
+    assert plan.report.measured["post.covered_winding"] >= 0
     assert run.trace.twist[-1] == pytest.approx(plan.trace.twist[-1], abs=1e-9)
     hold = hold_in(RecordedOutputs(run.recording, run.trace, ARM), "post")
     late = run.recording.time >= 4.0 - 1e-9

@@ -115,7 +115,7 @@ def checked(found: Findings, model: ReducedModel, curve: TwistCurve, plant: str,
 
 @dataclass(frozen=True, slots=True)
 class _Carried:
-    """A programme as the plant carried it out, and the checks of the verdict on that run which have a limit."""
+    """A programme as the plant carried it out, and what the verdict checks and tells of that run besides the goals."""
 
     programme: Programme
     plan: Plan
@@ -181,9 +181,14 @@ def _carried_out(programme: Programme, curve: TwistCurve, model: ReducedModel, p
         status=PlanStatus.MISSED,  # until it is judged
         plant=plant,
         feedback="open-loop",
-        report=PlanReport(numbers=programme.numbers, goals=tuple(goals), headroom=1.0 - float(recording.levels.max())),
+        report=PlanReport(
+            numbers=programme.numbers,
+            goals=tuple(goals),
+            headroom=1.0 - float(recording.levels.max()),
+            measured={check.name: check.value for check in checks},
+        ),
     )
-    return _Carried(programme, made, tuple(check for check in checks if check.judged))
+    return _Carried(programme, made, tuple(checks))
 
 
 def _tugged(made: Plan, plant: str) -> list[str]:

@@ -119,6 +119,8 @@ class PlanReport:
         Of a task that leaves its drives to the planner: what it found, the one with the fewest drives first, which is the plan's.
     tried : tuple of str
         Of a task that is searched by simulating: what each search tried, with its seed.
+    measured : dict of str to float
+        Of a task that is searched: what the verdict on the plant reads of the objects, by the names of its checks.
     starts, iterations : int
         Programmes from which the search began; iterations of search and optimiser.
     optimised : bool
@@ -144,6 +146,7 @@ class PlanReport:
     extrapolates: tuple[str, ...] = ()
     alternatives: tuple[Alternative, ...] = ()
     tried: tuple[str, ...] = ()
+    measured: dict[str, float] = field(default_factory=dict)
     starts: int = 0
     iterations: int = 0
     optimised: bool = False
