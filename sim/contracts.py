@@ -40,7 +40,8 @@ class Motion(NamedTuple):
     series : mapping of str to (T, ...) float64
         What else is kept, see `Core.series`.
     finding : Finding
-        `Finding.FINE` if all samples were done; else what ended the sample after the last.
+        `Finding.FINE` if all samples were done; else what ended the sample after the last, or what is to be said of the last if it is
+        `Finding.SUNK`.
     rod : str
     element : int
         Where.
@@ -53,6 +54,11 @@ class Motion(NamedTuple):
     finding: Finding = Finding.FINE
     rod: str = "arm"
     element: int = 0
+
+    def without_last(self) -> "Motion":
+        """All samples but the last."""
+        points, frames, stretch = (values[:-1] for values in self[:3])
+        return self._replace(points=points, frames=frames, stretch=stretch, series={name: each[:-1] for name, each in self.series.items()})
 
 
 def joined(motions: Sequence[Motion]) -> Motion:

@@ -14,6 +14,12 @@ class Finding(IntEnum):
     FAST = 4
     SHEARED = 5
     SPUN = 6
+    SUNK = 7
+
+    @property
+    def ends(self) -> bool:
+        """Whether the motion cannot go on; otherwise it has, and a finer step would follow it better."""
+        return self not in (Finding.FINE, Finding.SUNK)
 
     @property
     def predicate(self) -> str:
@@ -34,6 +40,7 @@ _PREDICATES = {
     Finding.FAST: "moves faster than 10 m/s",
     Finding.SHEARED: "is sheared by more than 60 degrees",
     Finding.SPUN: "turns by a radian within one step",
+    Finding.SUNK: "sinks deeper into an object than its contact explains",
 }
 
 _REMEDIES = {
@@ -44,6 +51,7 @@ _REMEDIES = {
     Finding.FAST: "most likely a sudden activation - smooth it (ramp >= 20 ms) or halve dt",
     Finding.SHEARED: "its section folds over - lower the levels, or use fewer, longer elements",
     Finding.SPUN: "the step cannot follow - halve dt",
+    Finding.SUNK: "the step cannot follow - halve dt",
 }
 
 

@@ -50,6 +50,32 @@ def test_the_arm_lies_on_the_post_and_not_in_it(touched):
     assert covered_winding(touched.points, radius_of(arm), POST, touch.position, touch.frame)[-1] < -0.6
 
 
+FLICK = oc.Activation(templates=(oc.Wave(groups=("LM7", "LM8", "LM1"), level=0.2, speed=0.15, width=3e-3, window=(0.073, 0.2)),))
+STRUCK = Capsule(name="post", radius=12.8e-3, length=0.08, position=(0.0128, 0.1235, -0.0177), axis=(0.81, -0.106, 0.587))
+"""A post that the light tip of the arm is thrown against, and pulled on by the rest of it within the step."""
+
+
+def test_a_step_that_lets_a_point_sink_in_is_taken_again_in_parts():
+    limit = 0.01 * float(oc.Arm.octopus().section(0.0).outer_radius)
+    made = plant(STRUCK)
+    once = plant(STRUCK, dt=made.h, sample_interval=made.sample_interval).advance(FLICK, 1.0)
+    found = made.advance(FLICK, 1.0)
+    assert Touch.of(once.series, "post").deepest.max() > 1.5 * limit and once.finer == 0
+    assert Touch.of(found.series, "post").deepest.max() < limit and 0 < found.finer == made.retried < 40
+
+
+def test_a_run_with_finer_samples_goes_on_bit_by_bit():
+    whole, cut = plant(STRUCK).advance(FLICK, 1.0), plant(STRUCK)
+    parts = [cut.advance(FLICK, duration) for duration in (0.885, 0.015, 0.1)]
+    np.testing.assert_array_equal(parts[-1].points[-1], whole.points[-1])
+    assert sum(part.finer for part in parts) == whole.finer
+
+
+def test_an_object_that_is_soft_on_purpose_may_be_sunk_into():
+    found = plant(replace(POST, stiffness=2e4)).advance(CURL, 1.5)
+    assert Touch.of(found.series, "post").deepest.max() > 0.3e-3 and found.finer == 0
+
+
 def test_a_held_grasp_is_at_rest(touched):
     again = plant(POST)
     again.advance(WRAP, 5.0)

@@ -11,6 +11,7 @@ from octoctrl.planners.asking.task import Task
 from octoctrl.planners.solving.grasping import held_at_the_end, objects_held
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.scene.objects import BEARABLE
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from .results import Check
@@ -18,8 +19,8 @@ from .results import Check
 LATE = 0.5
 """Time before the end over which the winding may drift, s."""
 
-DEEP, DRIFT = 0.01, 0.1
-"""Deepest overlap as a share of the base radius, and largest drift, turns."""
+DRIFT = 0.1
+"""Largest drift, turns; the deepest overlap allowed is what a plant bears."""
 
 LINK_RESIDUAL = 0.02
 """Largest link minus (writhe + twist), turns."""
@@ -41,7 +42,7 @@ def holding_checks(task: Task, arm: Arm, recording: Recording, trace: TopologyTr
     yield Check(name="cord.writhe", value=abs(float(writhe(recording.points[-1]))), limit=inf, unit="turns")
     for name in sorted(objects_held(task)):
         hold = hold_in(outputs, name)
-        touch, limit = hold.touch, DEEP * float(np.asarray(arm.section(0.0).outer_radius))
+        touch, limit = hold.touch, BEARABLE * float(np.asarray(arm.section(0.0).outer_radius))
         yield Check(name=f"{name}.depth", value=float(touch.deepest.max()), limit=limit, unit="m")
         if name in held_at_the_end(task):
             yield Check(name=f"{name}.drift", value=float(np.ptp(hold.winding[late])), limit=DRIFT, unit="turns")

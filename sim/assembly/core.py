@@ -182,7 +182,7 @@ class AssemblyCore:
         centre = MIDDLE if self.grid.single else 0.0
         laws = fibre_laws(arm, paper_compatible)
         self._laws = tuple(law_constants(law, viscosity=anatomy.viscosity, centre=centre) for law in laws)
-        self._around = surroundings_of(scene, self.geometry)
+        self._around = surroundings_of(arm, scene, self.geometry)
         other = next((item for item in scene.objects if not isinstance(item, Capsule)), None)
         if paper_compatible and other is not None:
             raise OctoctrlError(f"the published contact knows capsules only (found '{other.name}'); leave it or paper_compatible out")
@@ -307,7 +307,7 @@ class AssemblyCore:
         volumes = np.empty((samples, n))
         longitudinal, oblique, transverse = self._levels(inputs, clock.instants(first, samples))
         around = self._around
-        world: Any = () if around is None else around.world.with_room(samples)
+        world: Any = () if around is None else around.world.with_room(samples, strict=not watch)
         with BUILDING:
             step = compiled(
                 self.grid,

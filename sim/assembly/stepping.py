@@ -12,7 +12,7 @@ import numpy as np
 from ..body.grid import AssemblyGrid
 from ..compiler import kernel
 from ..contact.body_kernels import any_moves, drift_bodies
-from ..contact.near_kernels import MOVES
+from ..contact.near_kernels import MOVES, SINKS
 from ..contact.note_kernels import note
 from .contact_kernels import LOOK
 from .family_kernels import family_kernels, family_offsets, position_kernels
@@ -23,7 +23,7 @@ from .pressure_kernels import pressure_kernels, slab_offsets
 from .terms import Phases, Step, Terms
 
 ONE = np.uint64(1)
-FINE, STRETCHED, NOT_A_NUMBER, FAST = 0, 1, 3, 4
+FINE, STRETCHED, NOT_A_NUMBER, FAST, SUNK = 0, 1, 3, 4, 7
 """What the guard found, numbered as in `octoctrl.sim.rod.stepping`, and speed."""
 
 STRETCH_LIMITS = (0.2, 3.0)
@@ -252,6 +252,8 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
                 straighten_rings(b, part)
             record(b, part, points[sample], frames[sample], stretch[sample], volumes[sample])
             meet(crew)
+            if touching and world.seen[SINKS]:
+                return sample + 1, SUNK, 0, ONE
         return points.shape[0], FINE, 0, 0
 
     return advance

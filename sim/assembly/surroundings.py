@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..body.arm import Arm
 from ..contact.surroundings import Surroundings
 from ..contact.world import Nodes
 from ..scene.scene import Scene
@@ -21,7 +22,7 @@ def outer_nodes(geometry: AssemblyGeometry) -> Nodes:
     )
 
 
-def surroundings_of(scene: Scene, geometry: AssemblyGeometry) -> Surroundings | None:
+def surroundings_of(arm: Arm, scene: Scene, geometry: AssemblyGeometry) -> Surroundings | None:
     """The objects of a scene around an arm at rest; None without any.
 
     Raises
@@ -31,6 +32,8 @@ def surroundings_of(scene: Scene, geometry: AssemblyGeometry) -> Surroundings | 
     """
     if not scene.objects:
         return None
-    found = Surroundings(scene.objects, outer_nodes(geometry), water_density=0.0 if scene.water is None else scene.water.density)
+    density = 0.0 if scene.water is None else scene.water.density
+    thickness = float(arm.section(0.0).outer_radius)
+    found = Surroundings(scene.objects, outer_nodes(geometry), thickness=thickness, water_density=density)
     found.check(geometry.oblique.points.reshape(-1, 3))
     return found

@@ -37,6 +37,7 @@ class Body(IntEnum):
     NORMAL, DEEPEST, LOADED = 52, 53, 54  # sum of normal impulses, deepest overlap (m) and points loaded since they were cleared
     SLIPPED = 55  # longest path slid by a point since it first touched, m
     MOVING = 56  # whether it can go anywhere at all
+    SUNK = 57  # deepest overlap less what its spring explains, m, since it was cleared
     WIDTH = 58
 
 

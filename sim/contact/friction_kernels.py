@@ -23,7 +23,7 @@ from .columns import Anchor, Body
 
 POSITION, VELOCITY, MOMENTUM, INVERSE_MASS = (int(c) for c in (Body.POSITION, Body.VELOCITY, Body.MOMENTUM, Body.INVERSE_MASS))
 STATIC, KINETIC, IMPULSE, COUPLE, MOVING = (int(c) for c in (Body.STATIC, Body.KINETIC, Body.IMPULSE, Body.COUPLE, Body.MOVING))
-SUM, DEEPEST, LOADED, SLIPPED = (int(c) for c in (Body.NORMAL, Body.DEEPEST, Body.LOADED, Body.SLIPPED))
+SUM, DEEPEST, LOADED, SLIPPED, SUNK = (int(c) for c in (Body.NORMAL, Body.DEEPEST, Body.LOADED, Body.SLIPPED, Body.SUNK))
 STRETCH, SLIDING, SLIP, NORMAL = (int(c) for c in (Anchor.STRETCH, Anchor.SLIDING, Anchor.SLIP, Anchor.NORMAL))
 
 TANGENTIAL = 0.5
@@ -156,6 +156,7 @@ def touch(
         body[COUPLE + 2] -= l3
         body[SUM] += p
         body[DEEPEST] = max(body[DEEPEST], -gap)
+        body[SUNK] = max(body[SUNK], -gap - p / (h * stiffness))
         body[LOADED] += 1.0
     return p1, p2, p3
 

@@ -11,8 +11,8 @@ from .shape_kernels import distance
 
 POSITION, VELOCITY, BOUND = int(Body.POSITION), int(Body.VELOCITY), int(Body.BOUND)
 NORMAL = int(Anchor.NORMAL)
-MOVES, CLOSE, MEETING = range(3)
-"""Places in a world's `seen`: whether any body goes anywhere, is near the arm, or near another body."""
+MOVES, CLOSE, MEETING, SINKS = range(4)
+"""Places in a world's `seen`: whether any body goes anywhere, is near the arm, or near another body; whether a point sank in too deep."""
 LEAST_MARGIN = 1e-3
 """Gap (m) within which a pair is watched, at least."""
 HASTE = 0.1

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contracts import Motion, joined
 from ..errors import OctoctrlError
-from ..scene.objects import RigidObject, frame_of
+from ..scene.objects import BEARABLE, RigidObject, frame_of
 from ..scene.supports import Free
 from .bodies import notes_of, release
 from .columns import Anchor, Body, Note
@@ -91,17 +91,22 @@ class Surroundings:
         At least one.
     points : Points or Nodes
         Of the arm.
+    thickness : float, m
+        Radius of the arm at its base.
     water_density : float, kg/m^3
     """
 
-    def __init__(self, objects: Sequence[RigidObject], points: Points | Nodes, *, water_density: float = 0.0) -> None:
-        self.objects, self.points, self.water_density = tuple(objects), points, water_density
+    def __init__(
+        self, objects: Sequence[RigidObject], points: Points | Nodes, *, thickness: float = inf, water_density: float = 0.0
+    ) -> None:
+        self.objects, self.points, self.thickness, self.water_density = tuple(objects), points, thickness, water_density
         self._changing = [number for number, item in enumerate(self.objects) if _times(item)]
         self.rest()
 
     def rest(self) -> None:
         """Put every object where it begins, untouched."""
-        self.world = World.of(self.points, self.objects, water_density=self.water_density)
+        bearable = BEARABLE * self.thickness
+        self.world = World.of(self.points, self.objects, water_density=self.water_density, bearable=bearable)
 
     def check(self, places: Floats) -> None:
         """Check that nothing overlaps the arm whose points are at `places` (P, 3), m, or what can be moved.

@@ -1,7 +1,7 @@
 """All that an arm may touch, as the arrays that compiled loops take along."""
 
 from collections.abc import Sequence
-from math import ceil, sqrt
+from math import ceil, inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -70,12 +70,14 @@ class World(NamedTuple):
         Points that may meet each body until one looks again, and how many they are: `counts` (M,) int64.
     slack : (M, P) float64, m
         What is left of the gaps of these at least, if they close at the speeds `paces` (M,), m/s.
-    seen : (3,) bool
+    seen : (4,) bool
         What the last look found, see `octoctrl.sim.contact.near_kernels`.
     meetings : (M, P, 7) float64
         Normal, place and lever of these in the present step.
     pairs : Pairs
         Bodies that may touch each other.
+    bearable : float, m
+        By how much a point may sink in deeper than its spring explains; into what is softer than `FIRM` as much more.
     notes : (T, M, Note.WIDTH) float64
         The bodies at the end of each sample.
     """
@@ -91,10 +93,11 @@ class World(NamedTuple):
     seen: NDArray[np.bool_]
     meetings: Floats
     pairs: Pairs
+    bearable: float
     notes: Floats
 
     @classmethod
-    def of(cls, points: Points | Nodes, objects: Sequence[RigidObject], *, water_density: float = 0.0) -> "World":
+    def of(cls, points: Points | Nodes, objects: Sequence[RigidObject], *, water_density: float = 0.0, bearable: float = inf) -> "World":
         """The world at the begin."""
         count, bodies = len(points.radius), rows_of(objects, water_density=water_density)
         return cls(
@@ -106,15 +109,17 @@ class World(NamedTuple):
             counts=np.zeros(len(bodies), dtype=np.int64),
             slack=np.zeros((len(bodies), count)),
             paces=np.zeros(len(bodies)),
-            seen=np.zeros(3, dtype=bool),
+            seen=np.zeros(4, dtype=bool),
             meetings=np.zeros((len(bodies), count, 7)),
             pairs=Pairs.of(objects),
+            bearable=bearable,
             notes=np.empty((0, len(bodies), Note.WIDTH)),
         )
 
-    def with_room(self, samples: int) -> "World":
-        """The same bodies and anchors, with notes for so many samples."""
-        return self._replace(notes=np.zeros((samples, len(self.bodies), Note.WIDTH)))
+    def with_room(self, samples: int, *, strict: bool = True) -> "World":
+        """The same bodies and anchors, with notes for so many samples; unless `strict`, points may sink in however deep."""
+        notes = np.zeros((samples, len(self.bodies), Note.WIDTH))
+        return self._replace(notes=notes, bearable=self.bearable if strict else inf)
 
 
 def points_of(edges: Floats, radius: Floats, thinnest: float = np.inf) -> Points:

@@ -99,7 +99,9 @@ class RodCore:
 
         edges, water = self.partitions["arm"], self.scene.water
         points = points_of(edges, np.asarray(self._section.outer_radius), min(item.bend for item in self.scene.objects))
-        found = Surroundings(self.scene.objects, points, water_density=0.0 if water is None else water.density)
+        thickness = float(self.arm.section(0.0).outer_radius)
+        density = 0.0 if water is None else water.density
+        found = Surroundings(self.scene.objects, points, thickness=thickness, water_density=density)
         place = edges[points.element.astype(int) - 1] + points.share * self._lengths[points.element.astype(int) - 1]
         found.check(np.stack([np.zeros_like(place), place, np.zeros_like(place)], axis=1))
         return found
@@ -238,10 +240,10 @@ class RodCore:
             lambda part: self._move(levels[part], None if loads is None else loads[part], clock.steps),
         )
 
-    def _move(self, levels: Floats, loads: Floats | None, steps: int) -> Motion:
+    def _move(self, levels: Floats, loads: Floats | None, steps: int, *, strict: bool = True) -> Motion:
         n, samples = self.elements, len(levels) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
-        world: Any = () if self._around is None else self._around.world.with_room(samples)
+        world: Any = () if self._around is None else self._around.world.with_room(samples, strict=strict)
         done, finding, element = self._step(self._h, steps, levels, loads, world, points, frames, stretch)
         series = {} if self._around is None else self._around.series(world)
         return Motion(
@@ -291,8 +293,9 @@ class RodCore:
         last = slice(skip, done + 2)
         self.restore(before)
         if skip:
-            self._move(levels[: skip + 1], None if loads is None else loads[: skip + 1], clock.steps)
-        closer = self._move(substeps(levels[last], clock.steps), None if loads is None else substeps(loads[last], clock.steps), 1)
+            self._move(levels[: skip + 1], None if loads is None else loads[: skip + 1], clock.steps, strict=False)
+        loads = None if loads is None else substeps(loads[last], clock.steps)
+        closer = self._move(substeps(levels[last], clock.steps), loads, 1, strict=False)
         where = closer if closer.finding else motion
         share = alternation(closer.frames[:, max(0, where.element - 1) : where.element + 2])
         time = (first + skip) * clock.sample + (len(closer.frames) + 1) * clock.step

@@ -10,7 +10,7 @@ from ..contracts import Floats
 from .layout import offsets
 
 ONE = np.uint64(1)
-FINE, STRETCHED, BENT, NOT_A_NUMBER, SHEARED, SPUN = 0, 1, 2, 3, 5, 6
+FINE, STRETCHED, BENT, NOT_A_NUMBER, SHEARED, SPUN, SUNK = 0, 1, 2, 3, 5, 6, 7
 """What the guard found: nothing, an element outside the allowed stretch, a joint bent too far, a value that is no number, a section that
 has fallen over, a frame that is no longer orthonormal (4 is speed, which the assembly watches)."""
 

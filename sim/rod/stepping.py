@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from ..body.layout import Family, MuscleLayout
 from ..compiler import kernel
 from ..contact.body_kernels import drift_bodies, kick_bodies
-from ..contact.near_kernels import CLOSE, MEETING, MOVES
+from ..contact.near_kernels import CLOSE, MEETING, MOVES, SINKS
 from ..contact.note_kernels import note
 from ..contact.pair_kernels import meet
 from ..contracts import Floats
 from ..physics.fibre_kernels import LawConstants
 from .contact_kernels import rod_contact_kernels
 from .elastic_kernels import frame_kernel, rod_kernels
-from .guard_kernels import FINE, guard_kernel, record_kernel
+from .guard_kernels import FINE, SUNK, guard_kernel, record_kernel
 from .layout import offsets
 from .load_kernels import load_kernel
 from .section_kernels import fibre_kernels, section_kernels
@@ -151,6 +151,8 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
                 return sample, finding, element
             straighten(b, n)
             record(b, n, points[sample], directors[sample], stretch[sample])
+            if touching and world.seen[SINKS]:
+                return sample + 1, SUNK, ONE
         return points.shape[0], FINE, ONE
 
     return advance

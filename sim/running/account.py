@@ -62,7 +62,7 @@ class Accounted:
         before = self._powers(first, inputs, 0, clock)
         for k in range(len(inputs["arm"]) - 1):
             motion = self._core.move(first + k, {name: values[k : k + 2] for name, values in inputs.items()}, clock)
-            if motion.finding:
+            if motion.finding.ends:
                 empty = {STORED + name: np.empty(0) for name in self._core.energies()} | {DONE + name: np.empty(0) for name in self._works}
                 motions.append(motion._replace(series={**motion.series, **empty}))
                 break
@@ -73,6 +73,8 @@ class Accounted:
             kept: dict[str, Floats] = {STORED + name: np.array([value]) for name, value in self._core.energies().items()}
             kept |= {DONE + name: np.array([value]) for name, value in self._works.items()}
             motions.append(motion._replace(series={**motion.series, **kept}))
+            if motion.finding:
+                break
         return joined(motions)
 
     def _powers(self, first: int, inputs: State, later: int, clock: Clock, k: int = 0) -> dict[str, float]:

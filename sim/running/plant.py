@@ -12,6 +12,7 @@ from ..body.arm import Arm
 from ..body.layout import MuscleLayout
 from ..contracts import ActivationSource, Core, Floats, Motion, State
 from ..errors import OctoctrlError, PlantUnstableError, check_number
+from ..findings import Finding
 from ..scene.loads import Load, checked_loads, sampled_loads
 from ..scene.scene import Scene
 from ..sources import Held, sampled
@@ -368,13 +369,16 @@ class Plant:
             done = self._samples - first
             rest, before = {name: values[done:] for name, values in acting.items()}, good if not done else core.state()
             motion = core.move(self._samples, rest, clock)
+            again = self._automatic and bool(core.finer)
+            if motion.finding is Finding.SUNK:
+                motion = motion.without_last() if again else motion._replace(finding=Finding.FINE)
             if keep or motion.finding:
                 pieces.append(self._piece(motion, levels["arm"][done:]))
             moved = len(motion.points)
             if not motion.finding:
                 self._samples += moved
                 continue
-            finer = self._finer(before, rest, moved) if self._automatic else None
+            finer = self._finer(before, rest, moved) if again else None
             if finer is None:
                 stop = core.explain(before, self._samples, rest, motion, clock)
                 core.restore(good)
@@ -389,7 +393,7 @@ class Plant:
         return pieces, motion
 
     def _finer(self, before: State, inputs: dict[str, Floats], moved: int) -> Motion | None:
-        """The sample that stopped after so many that `moved`, at parts of the step; None if it stops there too."""
+        """The sample after so many that `moved`, at parts of the step; None if it stops there too."""
         core, first = self._core, self._samples + moved
         core.restore(before)
         if moved:
@@ -400,9 +404,9 @@ class Plant:
                 finer = self._clock.finer(parts)
                 core.start(finer)
                 motion = core.move(first, sample, finer)
-                if not motion.finding:
+                if not motion.finding or (motion.finding is Finding.SUNK and parts == core.finer[-1]):
                     self._retried += 1
-                    return motion
+                    return motion._replace(finding=Finding.FINE)
                 core.restore(good)
         finally:
             core.start(self._clock)

@@ -17,6 +17,13 @@ from .supports import Fixed, Free, Push, Springs, Support, Vector, check_pair, c
 
 Floats = NDArray[np.float64]
 
+FIRM = 4e6
+"""Usual stiffness of a contact, Pa: a held grasp sinks in by micrometres."""
+
+BEARABLE = 0.01
+"""Share of the arm's radius at the base by which a point may sink in. One that is deeper, though its force is that of less, came there
+within a step: a finer one is tried."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigidObject:
@@ -56,7 +63,7 @@ class RigidObject:
     mass: float | None = None
     water_mass: bool = True
     friction: tuple[float, float] = (0.1, 0.1)
-    stiffness: float = 4e6
+    stiffness: float = FIRM
     pushes: tuple[Push, ...] = ()
 
     kind: ClassVar[int]
