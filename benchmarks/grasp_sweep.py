@@ -84,17 +84,9 @@ def main():
             found = run(plan, plan.schedule, [thicker(post, arm, diameter * 1e-3)], given.plant)
             results["diameter"].append((diameter, shown(f"diameter {diameter} mm, D/L {diameter / 200:.2f}", found)))
     if given.part in ("shapes", "all"):
-        side = 0.5 * np.pi * post.radius  # as long a way round
-        square = Box(name="bar", size=(side, side, post.length), position=post.position, axis=post.axis)
-        crossing = Capsule(
-            name="second", radius=post.radius, length=post.length, position=post.position, axis=tuple(np.cross(post.axis, [1.0, 0, 0]))
-        )
-        others = {
-            "square bar": [square],
-            "cross": [post, crossing],
-            "tilted by 25 degrees": [replace(post, axis=turned(post.axis, 25))],
-            "tilted by -25 degrees": [replace(post, axis=turned(post.axis, -25))],
-        }
+        others = {f"bar, {share:.1f} of the way round": [square(post, share)] for share in (0.7, 0.8, 0.9, 1.0)}
+        others |= {f"cross, second {share:.2f} as thick": [post, crossing(post, share)] for share in (0.25, 0.5, 1.0)}
+        others |= {f"tilted by {angle} deg": [replace(post, axis=turned(post.axis, angle))] for angle in (-25, -15, -10, -5, 5, 10, 15, 25)}
         results["shapes"] = [(name, shown(name, run(plan, plan.schedule, objects, given.plant))) for name, objects in others.items()]
     if given.part in ("friction", "all"):
         results["friction"] = []
@@ -111,6 +103,18 @@ def main():
         ]
     if given.figure:
         drawn(results, plan.arm.length, given.figure)
+
+
+def square(post, share):
+    """A square bar in the place of a post, the way round which is a share of that round the post."""
+    side = share * 0.5 * np.pi * post.radius
+    return Box(name="bar", size=(side, side, post.length), position=post.position, axis=post.axis)
+
+
+def crossing(post, share):
+    """A second post across the first one's middle, a share as thick."""
+    across = tuple(map(float, np.cross(post.axis, [1.0, 0.0, 0.0])))
+    return Capsule(name="second", radius=share * post.radius, length=post.length, position=post.position, axis=across)
 
 
 def turned(axis, degrees):
@@ -152,10 +156,10 @@ def drawn(results, length, path):
             axes.set_xlabel("mu N [mN]")
             axes.set_ylabel("force along the axis [mN]")
         else:
-            axes.bar([key for key, _ in good], [found["C"] for _, found in good], color="#009E73")
-            axes.axhline(0.9, ls=":", color="0.5")
-            axes.set_ylabel("covered winding")
-            axes.tick_params(axis="x", labelsize=7)
+            axes.barh([key for key, _ in good][::-1], [found["C"] for _, found in good][::-1], color="#009E73")
+            axes.axvline(0.9, ls=":", color="0.5")
+            axes.set_xlabel("covered winding")
+            axes.tick_params(axis="y", labelsize=7)
         axes.set_title(name, fontsize=10)
     figure.savefig(path, dpi=110)
 
