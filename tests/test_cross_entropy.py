@@ -88,6 +88,17 @@ def test_a_price_that_is_enough_ends_it_after_the_round(one):
     assert found.ended == "good enough" and found.best.price <= 0.2 and len(found.candidates) % 10 == 0 and len(found.rounds) < 50
 
 
+def test_what_meets_all_goes_first_and_ends_it(one):
+    """What is met lies far from what is cheapest."""
+
+    def judge(x, worth):
+        return Judgement(price=bowl(x).price, met=bool(x[2] < -0.5))
+
+    found = search(judge, SPACE, one, seed=2, rounds=50, population=20)
+    assert found.ended == "good enough" and found.best.x[2] < -0.5 and len(found.rounds) < 50
+    assert found.best.price > min(item.price for item in found.candidates)
+
+
 def interrupted(calls, x, worth):
     calls.append(x)
     if len(calls) == 13:

@@ -259,7 +259,8 @@ def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tup
         x = np.zeros(0)
         return [(stages[0], Candidate(x, stages[0](x)))], [], 1
     own = stages[0].unknowns.mean
-    if stages[0].task.choose is None and (judged := work.executor.submit(stages[0], own).result()).price <= enough:
+    judged = work.executor.submit(stages[0], own).result() if stages[0].task.choose is None else Judgement(price=np.inf)
+    if judged.met or judged.price <= enough:
         return (
             [(stages[0], Candidate(own, judged))],
             [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"],
@@ -277,6 +278,7 @@ def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tup
     stage, result = min(found, key=lambda pair: pair[1].best.price)
     if left > 0 and result.ended != "good enough" and not work.over():
         _rounds(stage, result, work, left, enough, 1000 * index + len(stages))
-    ranked = sorted(((stage, item) for stage, result in found for item in result.apart(CANDIDATES, APART)), key=lambda pair: pair[1].price)
+    candidates = [(stage, item) for stage, result in found for item in result.apart(CANDIDATES, APART)]
+    ranked = sorted(candidates, key=lambda pair: (not pair[1].judgement.met, pair[1].price))
     said = [f"phase '{name}', {result}" for _, result in found]
     return ranked[:CANDIDATES], said, sum(len(result.candidates) for _, result in found)

@@ -185,16 +185,21 @@ class Stage:
         None of the others is taken to be better than the best that was seen.
         """
         prices: list[float] = []
+        met = True
         for number in range(len(self.scenarios)):
             try:
-                prices.append(self.price(self.run(x, number)[0]))
+                recording, _ = self.run(x, number)
+                prices.append(self.price(recording))
+                met = met and max(misses(self.phase, recording, self.arm, self.task), default=0.0) <= 1
             except PlantUnstableError:
                 prices.append(LOST)
+                met = False
             if prices[-1] > self.hopeless or self.together(prices, min(prices)) > worth:
                 break
         tried = len(prices)
         price = self.together(prices, max(prices) + 0.2)
-        return Judgement(price=price, simulated=tried * self.phase.duration, runs=tried, notes=tuple(prices))
+        met = met and tried == len(self.scenarios)
+        return Judgement(price=price, simulated=tried * self.phase.duration, runs=tried, met=met, notes=tuple(prices))
 
     def together(self, prices: list[float], other: float) -> float:
         """Half the mean of the `prices` of all scenarios, and half the worst; of those that were not tried it is the `other`."""

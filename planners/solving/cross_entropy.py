@@ -67,6 +67,8 @@ class Judgement:
     simulated : float, s
         Time of the plant that it took.
     runs : int
+    met : bool
+        Whether all that is asked for is met: it goes before what is not, whatever its price, and ends the search.
     notes : object
         Whatever the judge wants to be told again of what was found.
     """
@@ -74,6 +76,7 @@ class Judgement:
     price: float
     simulated: float = 0.0
     runs: int = 1
+    met: bool = False
     notes: Any = None
 
 
@@ -240,7 +243,7 @@ def search(
             found.rounds.append((found.best.price, float(np.mean([item.price for item in chosen]))))
             found.mean = members.mean(axis=0)
             found.spread = np.maximum(OF_ELITE * members.std(axis=0) + OF_OLD * spread, LEAST * unknowns.spread)
-            if found.best.price <= enough:
+            if found.best.judgement.met or found.best.price <= enough:
                 found.ended = "good enough"
                 break
     except KeyboardInterrupt:
@@ -278,5 +281,5 @@ def _judged(
     finally:
         for future in running:
             future.cancel()
-        found.candidates.sort(key=lambda item: item.price)
+        found.candidates.sort(key=lambda item: (not item.judgement.met, item.price))
     return True
