@@ -135,16 +135,20 @@ class Ledger:
         self.hold(flat, 1 - np.exp(-CORD_SLIP_RATE * h))
         braked = self.motion()[0]
         self.term("axial")
-        relaxed = self.motion()[0]
+        tensions, relaxed = [family.view(R.IMPULSE).copy() for family in self.families], self.motion()[0]
         self.term("smooth")
         smoothed = self.motion()[0]
+        self.term("hold")
+        tensions[2] += self.families[2].view(R.IMPULSE)
+        held = self.motion()[0]
         self.term("project")
         v1 = self.motion()[0]
         mid_v, mid_w = [(a + b) / 2 for a, b in zip(v0, v1, strict=True)], [(a + b) / 2 for a, b in zip(w0, w1, strict=True)]
         force, torque = [np.zeros_like(v) for v in v0], [np.zeros_like(w) for w in w0]
         for number, family in enumerate(self.families):
-            for label, first, then in (("cord brake", slow, braked), ("selective mass", relaxed, smoothed), ("pressure", smoothed, v1)):
+            for label, first, then in (("cord brake", slow, braked), ("selective mass", relaxed, smoothed), ("pressure", held, v1)):
                 self.add(label, dot(family.mass[..., None] * (then[number] - first[number]), mid_v[number]))
+            internal[number]["tension"] = tensions[number]
             self.book_internal(family, internal[number], mid_v[number], mid_w[number], force[number], torque[number])
         for name, f, t in external:
             self.add(name, h * sum(dot(a, b) for a, b in zip(f, mid_v, strict=True) if a is not None))
@@ -197,7 +201,7 @@ class Ledger:
         viscosity = isometric * family.of_law(hill, was["rate"])
         passive, active = area * family.of_law(MuscleLaw.passive_stress, e) / e, area * (isometric + viscosity * was["rate"]) / e
         self.add("passive stretch", -h * dot(passive, elongation))
-        correction, passively = view(R.IMPULSE), area * self.plant.arm.anatomy.viscosity / e
+        correction, passively = was["tension"], area * self.plant.arm.anatomy.viscosity / e
         of_muscle = area * viscosity / (e * rest) / view(R.VISCOSITY)
         of_viscosity = passively / rest / view(R.VISCOSITY)
         self.add("passive viscosity", -h * dot(passively * was["rate"] + of_viscosity * correction, elongation))

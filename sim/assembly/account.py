@@ -81,12 +81,13 @@ class Family(NamedTuple):
         sheared = 0.5 * np.sum(self.view(R.SHEAR) * self.rest * (along[..., 0] ** 2 + along[..., 1] ** 2))
         before = np.roll(self.frames, 1, axis=1)
         inside = slice(None) if self.closed else slice(1, None)
-        joint = self.view(R.JOINT_LENGTH)[:, inside]
+        joint, length = self.view(R.JOINT_LENGTH)[:, inside], self.stretch * self.rest
+        soften = (joint / (0.5 * (length + np.roll(length, 1, axis=1))[:, inside])) ** 3
         curvature = rotation_vector((self.frames @ np.swapaxes(before, -1, -2))[:, inside]) / joint[..., None]
         bent = 0.0
         for component, row in enumerate((R.BEND, R.BEND, R.TWIST)):
             rest = self.view(R(R.REST1 + component))[:, inside]
-            bent += 0.5 * np.sum(joint * self.view(row)[:, inside] * (curvature[..., component] - rest) ** 2)
+            bent += 0.5 * np.sum(joint * soften * self.view(row)[:, inside] * (curvature[..., component] - rest) ** 2)
         return float(stretched), float(sheared), float(bent)
 
     def muscles(self, levels: Floats) -> float:

@@ -97,8 +97,9 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
     Returns
     -------
     dict of str to compiled function
-        ``drift, straighten, strain, bend, kick, spin, axial, correct`` take ``(buffer, first, last, ...)``, indices within a row;
-        ``straighten`` makes frames orthonormal again, of which rounding in single precision takes 6e-4 in a second.
+        ``drift, straighten, strain, bend, kick, spin, axial, elongate, correct`` take ``(buffer, first, last, ...)``, indices within a
+        row; ``straighten`` makes frames orthonormal again, of which rounding in single precision takes 6e-4 in a second; ``elongate`` sets
+        the rates to those of the velocities now.
     """
     o = family_offsets(grid, rings)
     step = np.uint64(grid.lanes if rings else 1)
@@ -234,6 +235,13 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
             b[IMPULSE + k] = along - b[RATE + k] * b[LENGTH + k]
 
     @kernel
+    def elongate(b, first, last):
+        for k in range(first, last):
+            q = k + step
+            d1, d2, d3 = b[V1 + q] - b[V1 + k], b[V2 + q] - b[V2 + k], b[V3 + q] - b[V3 + k]
+            b[RATE + k] = (b[T1 + k] * d1 + b[T2 + k] * d2 + b[T3 + k] * d3) * b[INVERSE_LENGTH + k]
+
+    @kernel
     def correct(b, first, last):
         for k in range(first, last):
             p = k - step
@@ -250,6 +258,7 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
         "kick": kick,
         "spin": spin,
         "axial": axial,
+        "elongate": elongate,
         "correct": correct,
     }
 

@@ -109,7 +109,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, to
     rods, rings = family_kernels(grid, False), family_kernels(grid, True, traits.graded, plain=True)
     strains, bending = _strains(grid, rods, rings, rods["strain"], rings["strain"])
     crossings, on_helices = _crossings(grid, False)
-    relax, outward, pull = _axial(grid, rods, rings)
+    relax, hold_rings, outward, pull = _axial(grid, rods, rings)
 
     @kernel
     def sides(b: Any, share: Any, step: Any, part: Any) -> None:
@@ -192,7 +192,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, to
             "brakes": brakes,
         },
         touch,
-        {"axial": relax, "smooth": smooth},
+        {"axial": relax, "smooth": smooth, "hold": hold_rings},
         {"axial, outward": outward},
         {"axial, speeds": pull},
         {"project": project},
@@ -408,10 +408,12 @@ def _kick(grid: AssemblyGrid, rods: Any, rings: Any, spin_helices: Any = None) -
     return kick
 
 
-def _axial(grid: AssemblyGrid, rods: Any, rings: Any) -> tuple[Any, Any, Any]:
-    """Axial systems: of the rings; of the open rods half way, outward again, and what they do to velocities."""
+def _axial(grid: AssemblyGrid, rods: Any, rings: Any) -> tuple[Any, Any, Any, Any]:
+    """Axial systems: of the rings, and of the open rods half way; of the rings again, when their increments of velocity have been smoothed;
+    of the open rods outward again, and what they do to velocities.
+    """
     axial, correct = (sweep_open(grid, rods[name]) for name in ("axial", "correct"))
-    ring_axial, ring_correct = (sweep(grid, "rings", rings[name]) for name in ("axial", "correct"))
+    ring_axial, ring_rates, ring_correct = (sweep(grid, "rings", rings[name]) for name in ("axial", "elongate", "correct"))
     ring_solve, _, _, _, close_speed = ring_solver(grid)
     eliminate, substitute = two_ended(family_offsets(grid, False), "CORRECTION")
     straight, helices = grid.straight_rods, grid.helices
@@ -429,6 +431,15 @@ def _axial(grid: AssemblyGrid, rods: Any, rings: Any) -> tuple[Any, Any, Any]:
         ring_axial(b, part)
         ring_solve(b, part)
         ring_correct(b, part)
+        close_speed(b, part)
+        ring_rates(b, part)
+
+    @kernel
+    def hold(b: Any, share: Any, step: Any, part: Any) -> None:
+        close_speed(b, part)
+        ring_axial(b, part)
+        ring_solve(b, part)
+        ring_correct(b, part)
 
     @kernel
     def outward(b: Any, share: Any, step: Any, part: Any) -> None:
@@ -439,4 +450,4 @@ def _axial(grid: AssemblyGrid, rods: Any, rings: Any) -> tuple[Any, Any, Any]:
     def pull(b: Any, share: Any, step: Any, part: Any) -> None:
         correct(b, part)
 
-    return relax, outward, pull
+    return relax, hold, outward, pull
