@@ -32,13 +32,13 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from octoctrl.planners.asking.goals.measured import MeasuredGoal, ScalarGoal
-    from octoctrl.planners.asking.primitives import Bend, BendWave, Elongate, Shorten, Twist, TwistWave
+    from octoctrl.planners.asking.primitives import Bend, BendWave, CarriedBend, Elongate, Shorten, Twist, TwistWave
     from octoctrl.planners.asking.registry import goal, register_goal, register_primitive
     from octoctrl.planners.asking.schedule import Schedule
     from octoctrl.planners.asking.task import Drive, Phase, Task
     from octoctrl.planners.following import controllers
     from octoctrl.planners.solving.plan import Plan
-    from octoctrl.sim.activation import Activation, Plateau, Wave
+    from octoctrl.sim.activation import Activation, Plateau, Pulse, Wave
     from octoctrl.sim.body.arm import Arm
     from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
     from octoctrl.sim.plants import Plant, make_plant
@@ -68,11 +68,11 @@ if TYPE_CHECKING:
 _HOMES = {
     "octoctrl.planners.solving.plan": ("Plan",),
     "octoctrl.planners.asking.goals.measured": ("MeasuredGoal", "ScalarGoal"),
-    "octoctrl.planners.asking.primitives": ("Bend", "BendWave", "Elongate", "Shorten", "Twist", "TwistWave"),
+    "octoctrl.planners.asking.primitives": ("Bend", "BendWave", "CarriedBend", "Elongate", "Shorten", "Twist", "TwistWave"),
     "octoctrl.planners.asking.registry": ("goal", "register_goal", "register_primitive"),
     "octoctrl.planners.asking.schedule": ("Schedule",),
     "octoctrl.planners.asking.task": ("Drive", "Phase", "Task"),
-    "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
+    "octoctrl.sim.activation": ("Activation", "Plateau", "Pulse", "Wave"),
     "octoctrl.sim.body.arm": ("Arm",),
     "octoctrl.sim.running.batch": ("simulate_batch",),
     "octoctrl.sim.running.sensors": ("Sensors",),
@@ -105,6 +105,7 @@ __all__ = [
     "Arm",
     "Bend",
     "BendWave",
+    "CarriedBend",
     "Centreline",
     "Drive",
     "Elongate",
@@ -117,6 +118,7 @@ __all__ = [
     "PlantUnstableError",
     "Plateau",
     "PointLoad",
+    "Pulse",
     "ScalarGoal",
     "Scene",
     "Schedule",

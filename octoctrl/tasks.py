@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from octoctrl.sim.activation import Activation, Plateau, Wave
+from octoctrl.sim.activation import Activation, Template
 from octoctrl.sim.errors import OctoctrlError, suggest
 from octoctrl.sim.scene.scene import Scene
 
@@ -81,7 +81,7 @@ class Programme:
     ----------
     name, description : str
     duration : float, s
-    templates : tuple of Plateau and Wave
+    templates : tuple of Plateau, Pulse and Wave
     composition : {"override", "max", "add"}
         How they combine; see `octoctrl.sim.activation.Activation`.
     scene : Scene
@@ -90,7 +90,7 @@ class Programme:
     name: str
     description: str
     duration: float
-    templates: tuple[Plateau | Wave, ...]
+    templates: tuple[Template, ...]
     composition: str = "override"
     scene: Scene = field(default=Scene())
 

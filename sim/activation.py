@@ -22,6 +22,10 @@ WRITE_THRESHOLD = 2e-3
 """Values of a wave below this are not written when templates override each other (Tekinalp et al. 2024, released programmes)."""
 STEEPEST = 3.0
 """To so many times its size a wave's level may grow along the arm."""
+PEAK = 15 / 8
+"""Greatest speed on a way of least jerk, over the mean."""
+OUT_OF_SIGHT = 3.0
+"""Widths before a place from which a front covers nothing of what lies beyond it."""
 
 
 def raised_cosine(math: Any, time: Any, onset: Any, duration: Any) -> Any:
@@ -34,6 +38,12 @@ def plateau(math: Any, time: Any, onset: Any, rise: Any, offset: Any, fall: Any)
     """Raised-cosine rise from `onset`, 1 in between, raised-cosine fall from `offset`."""
     up = raised_cosine(math, time, onset, rise)
     return up if _never(offset) else up * (1 - raised_cosine(math, time, offset, fall))
+
+
+def least_jerk(math: Any, time: Any, onset: Any, duration: Any) -> Any:
+    """Way from 0 to 1 between `onset` and `onset + duration` with the least jerk; the greatest speed is `PEAK` times the mean."""
+    progress = math.fmin(math.fmax((time - onset) / duration, 0.0), 1.0)
+    return progress**3 * (10 - 15 * progress + 6 * progress**2)
 
 
 def front_coverage(math: Any, position: Any, width: Any, lower: Any, upper: Any) -> Any:
@@ -203,7 +213,91 @@ class Wave:
         return value > WRITE_THRESHOLD
 
 
-Template = Plateau | Wave
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pulse:
+    """A stretch of the arm that is switched on, stands, and then travels to the window's end.
+
+    It sets out and arrives gently, as the bend of a reaching octopus does: its way over time has the least jerk, and its speed is a bell.
+
+    Attributes
+    ----------
+    groups : tuple of str
+        Names of muscle groups.
+    level : float
+        Activation on the stretch.
+    stretch : float, m
+        How long it is where it stands; three widths longer as it travels, for its rear comes from before the window.
+    speed : float, m/s
+        The greatest, in the middle of its way.
+    width : float, m
+        Either end rises as (1 + tanh(distance / width)) / 2.
+    onset : float, s
+        Begin of the rise.
+    rise : float, s
+    offset : float, s
+        When it sets out.
+    window : (float, float), m
+        Where its rear stands, and where it arrives.
+
+    References
+    ----------
+    Gutfreund et al. 1996, J. Neurosci. 16:7297 (speed of the bend); Flash and Hogan 1985, J. Neurosci. 5:1688 (least jerk).
+    """
+
+    groups: tuple[str, ...]
+    level: float
+    stretch: float
+    speed: float
+    width: float
+    window: tuple[float, float]
+    onset: float = 0.0
+    rise: float = 0.5
+    offset: float = inf
+
+    def __post_init__(self) -> None:
+        _check_template(self)
+        if self.window[1] == inf:
+            raise OctoctrlError(f"Pulse: window {tuple(self.window)} m has no end; give the arclength at which the stretch arrives")
+        for name, unit in (("stretch", "m"), ("speed", "m/s"), ("width", "m"), ("rise", "s")):
+            if _is_number(getattr(self, name)):
+                check_number(name, getattr(self, name), above=0.0, unit=unit)
+
+    def values(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
+        return self.level * self.weight(math, time, lower, upper)
+
+    def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """How much of what lies beneath it takes over when activations are handed over, from 0 to 1."""
+        return raised_cosine(math, time, self.onset, self.rise) * self._stretch(math, time, lower, upper)
+
+    def _stretch(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """Share of each cell between the two ends; the rear one comes from just before the window, where it does not show."""
+        before = OUT_OF_SIGHT * self.width
+        way = self.window[1] - self.window[0] + before
+        gone = 0.0 if _never(self.offset) else way * least_jerk(math, time, self.offset, PEAK * way / self.speed)
+        rear = self.window[0] - before + gone
+        front = rear + before + self.stretch
+        return front_coverage(math, front, self.width, lower, upper) - front_coverage(math, rear, self.width, lower, upper)
+
+    def coverage(self, lower: Any, upper: Any) -> Any:
+        """Share of each cell in which the template acts."""
+        return window_coverage(lower, upper, self.window)
+
+    @property
+    def whereabouts(self) -> object:
+        """What decides `place`: templates that agree in it act in one place."""
+        return self.window, self.stretch, self.speed, self.width, self.offset
+
+    def place(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """Share of each cell in which a change of the level acts at `time`: the stretch where it is then."""
+        return self.coverage(lower, upper) * self._stretch(math, time, lower, upper)
+
+    def wrote(self, math: Any, value: Any) -> Any:
+        """Where the template overrides what was composed before it."""
+        return value > WRITE_THRESHOLD
+
+
+Template = Plateau | Wave | Pulse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoctrl.sim.activation import WRITE_THRESHOLD, Activation, Plateau, Wave
+from octoctrl.sim.activation import PEAK, WRITE_THRESHOLD, Activation, Plateau, Pulse, Wave, least_jerk
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
 
@@ -192,3 +192,42 @@ def test_the_planner_differentiates_the_same_formulas():
         for instant in (0.5, 0.9, 1.7, 2.2):
             twin = Activation(templates=(kind(**(fields | {"level": 0.4})),)).levels([instant], edges)[0, 0]
             assert np.asarray(values(0.4, instant)).ravel() == pytest.approx(twin, abs=1e-12)
+
+
+def test_a_way_of_least_jerk_is_a_bell():
+    """Its speed is 16 x^2 (1 - x)^2 of the greatest, which is 15/8 of the mean; it stands still before and after."""
+    time, step = np.linspace(-0.5, 2.5, 3001), 1e-6
+    speed = (least_jerk(np, time + step, 0.0, 2.0) - least_jerk(np, time - step, 0.0, 2.0)) / (2 * step)
+    share = np.clip(time / 2.0, 0.0, 1.0)
+    np.testing.assert_allclose(speed, PEAK / 2.0 * 16 * share**2 * (1 - share) ** 2, atol=1e-6)
+    assert least_jerk(np, 5.0, 0.0, 2.0) == 1.0 and least_jerk(np, -1.0, 0.0, 2.0) == 0.0
+
+
+def test_a_pulse_stands_and_then_travels_as_fast_as_it_was_told():
+    """A stretch of 30 mm from 20 mm on: whole at first, then its middle goes with the way of least jerk; in the end nothing is left."""
+    pulse = Pulse(groups=("LM1",), level=0.4, stretch=0.03, speed=0.2, width=2e-3, rise=0.5, offset=1.0, window=(0.02, 0.18))
+    edges, time = np.linspace(0.0, 0.3, 601), np.linspace(0.0, 3.0, 601)
+    lower, upper = edges[:-1], edges[1:]
+    level = Activation(templates=(pulse,), composition="handover").levels(time, edges)[:, MUSCLE_GROUPS.index("LM1")]
+    lengths, middles = level.sum(axis=1) * (upper - lower)[0], (upper + lower) / 2
+    held, lasts = np.abs(time - 0.9).argmin(), PEAK * (0.16 + 3 * 2e-3) / 0.2
+    assert lengths[held] == pytest.approx(0.4 * 0.03, rel=0.02)
+    assert lengths[np.abs(time - 0.25).argmin()] == pytest.approx(0.2 * 0.03, rel=0.02)  # halfway up
+    centre = (level @ middles) / np.maximum(level.sum(axis=1), 1e-12)
+    assert centre[held] == pytest.approx(0.035, abs=5e-4)
+    middle = np.abs(time - 1.0 - lasts / 2).argmin()
+    assert lengths[middle] == pytest.approx(0.4 * 0.036, rel=0.02)
+    assert np.gradient(centre, time)[middle] == pytest.approx(0.2, rel=0.02)
+    inside = Activation(templates=(pulse,)).levels([1.0 + lasts, 5.0], edges)[:, MUSCLE_GROUPS.index("LM1")]
+    assert inside.max() < 0.4 * 0.55 and inside[:, upper < 0.175].max() < 0.01  # what is left lies at the window's end
+    # It acts, and takes over from what lies beneath, where it is.
+    np.testing.assert_allclose(0.4 * pulse.weight(np, time[:, None], lower, upper), pulse.values(np, time[:, None], lower, upper))
+    assert pulse.place(np, np.array([[0.0]]), lower, upper)[0, np.abs(middles - 0.035).argmin()] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_pulse_needs_an_end():
+    with pytest.raises(OctoctrlError) as caught:
+        Pulse(groups=("LM1",), level=0.4, stretch=0.03, speed=0.2, width=2e-3, window=(0.02, float("inf")))
+    assert str(caught.value) == "Pulse: window (0.02, inf) m has no end; give the arclength at which the stretch arrives"
+    with pytest.raises(OctoctrlError, match=r"^speed=0 m/s is outside > 0 m/s$"):
+        Pulse(groups=("LM1",), level=0.4, stretch=0.03, speed=0.0, width=2e-3, window=(0.02, 0.1))

@@ -114,7 +114,7 @@ def test_a_plan_that_ran_out_of_time_is_kept_and_says_so(folder):
         (["plan", "coil", "-o", "plan.npz"], "plan.npz exists; use -f to replace"),
         (
             ["plan", "coli", "-o", "new.npz"],
-            "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, copy, corkscrew, grasp, lm-helix, packet, tip, twist, "
+            "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, copy, corkscrew, grasp, lm-helix, packet, reach, tip, twist, "
             "or the path of a .toml file)",
         ),
         (["plan", "coil", "-o", "new.npz", "--set", "arm.length=20"], "--set arm.length: length=20 m is outside 0.001…5 m"),

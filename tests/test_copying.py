@@ -11,8 +11,9 @@ from octoctrl.files.centreline import read_centreline
 from octoctrl.files.configuration import parse
 from octoctrl.files.toml_writing import toml_of
 from octoctrl.planners.asking.copying import copied
-from octoctrl.planners.asking.goals.shape import ShapeGoal
+from octoctrl.planners.asking.goals.shape import ShapeGoal, nodes
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.running.recording import Recording
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +71,21 @@ def test_what_cannot_be_copied_is_said(curl):
         copied(centreline, drives, times=[0.1, 5.0])
     with pytest.raises(OctoctrlError, match=r"points along the arm are needed"):
         ShapeGoal(value=())
+
+
+def test_a_shape_is_read_at_the_nodes_that_a_plant_has():
+    """The full arm has others than the one rod; nodes follow from the stations."""
+    edges = np.concatenate([[0.0], np.cumsum([0.01, 0.03, 0.02, 0.04])])
+    stations = np.concatenate([[0.0], (edges[1:] + edges[:-1]) / 2, [0.1]])
+    np.testing.assert_allclose(nodes(stations), edges, rtol=0, atol=1e-15)
+    arm, time = oc.Arm(length=0.1, base_radius=0.006), np.zeros(1)
+    points = np.stack([0 * edges, edges, 0 * edges], axis=1)[None]
+    frames = np.broadcast_to(np.eye(3), (1, 6, 3, 3))
+    recording = Recording(
+        time=time, points=points, frames=frames, stations=stations, stretch=np.ones((1, 4)), levels=np.zeros((1, 11, 4))
+    )  # fmt: skip
+    goal = ShapeGoal(value=((0.0, 0.05, 0.0), (0.0, 0.1, 0.003)))
+    assert goal.miss(recording, None, arm)[0] == pytest.approx(0.003 / 2**0.5, rel=1e-12)
 
 
 TASK = """[task]

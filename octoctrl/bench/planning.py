@@ -29,7 +29,7 @@ TIME_LIMIT = 600.0
 COUNT, FULL_COUNT = 24, 200
 """Tasks of the old kinds, and as many of the new ones."""
 
-FOLLOWED = ("twist", "coil", "coil-outward", "tip", "lm-helix", "packet", "corkscrew")
+FOLLOWED = ("twist", "coil", "coil-outward", "tip", "lm-helix", "packet", "corkscrew", "copy", "reach")
 ON_FULL_ARM = ("twist", "coil", "coil-outward")
 CONTROLLERS = ("open-loop", "tvlqr", "mpc")
 AGAIN = "tvlqr, planning again"

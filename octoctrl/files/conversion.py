@@ -32,7 +32,8 @@ UNITS: dict[str, tuple[str, dict[str, int | None]]] = {
 """For each SI unit its name in words, and the accepted units with their powers of ten (None: degrees)."""
 
 _FIELDS_IN = {
-    "m": "length base_radius ring_radius oblique_radius oblique_pitch window width centre radius margin start stop point position size",
+    "m": "length base_radius ring_radius oblique_radius oblique_pitch window width centre radius margin start stop point position size "
+    "stretch",
     "s": "duration shortest longest rise fall onset offset time_limit hold since until period lasts times",
     "m/s": "speed velocity",
     "Pa": "youngs_modulus shear_modulus maximum_stress compression_modulus",

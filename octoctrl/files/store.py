@@ -39,7 +39,7 @@ _HOMES = {
     "octoctrl.sim.scene.objects": ("Box", "Capsule", "Cylinder", "Plane", "RigidObject", "Sphere"),
     "octoctrl.sim.scene.supports": ("Fixed", "Free", "Moved", "Push", "Springs"),
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
-    "octoctrl.sim.activation": ("Activation", "Plateau", "Wave"),
+    "octoctrl.sim.activation": ("Activation", "Plateau", "Pulse", "Wave"),
     "octoctrl.sim.running.observation": ("Observation",),
     "octoctrl.sim.running.recording": ("Recording", "StrandMotion"),
     "octoctrl.sim.running.sensors": ("Sensors",),

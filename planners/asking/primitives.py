@@ -7,7 +7,7 @@ their own by writing a frozen dataclass with the methods of `octoctrl.planners.c
 from dataclasses import dataclass
 from math import inf
 
-from octoctrl.sim.activation import Plateau, Template, Wave
+from octoctrl.sim.activation import Plateau, Pulse, Template, Wave
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
 from octoctrl.sim.errors import check_choice
 
@@ -23,11 +23,11 @@ def neighbours(side: str) -> tuple[str, ...]:
     return tuple(LONGITUDINAL_GROUPS[other] for other in sorted((index + shift) % count for shift in (-1, 0, 1)))
 
 
-LEVEL_BOUNDS, RAMP_BOUNDS, SPEED_BOUNDS = (0.0, 0.75), (0.1, 4.0), (0.01, 0.4)
+LEVEL_BOUNDS, RAMP_BOUNDS, SPEED_BOUNDS = (0.0, 0.75), (0.1, 4.0), (0.01, 0.5)
 """Range in which the planner may choose a level, the duration of a ramp (s) and the speed of a front (m/s)."""
 
 
-def _settle(primitive: "_Ramped | _Fronts") -> None:
+def _settle(primitive: "_Ramped | _Fronts | CarriedBend") -> None:
     """Check the numbers, as soon as the arm is known; a window may come as a list and is kept as a tuple."""
     if isinstance(primitive.window, list):
         object.__setattr__(primitive, "window", tuple(primitive.window))
@@ -182,3 +182,39 @@ class TwistWave(_Fronts):
         """The family."""
         check_choice("hand", self.hand, ("R-OM", "L-OM"))
         return (self.hand,)
+
+
+@register_primitive
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CarriedBend:
+    """Bend a stretch near the window's begin, hold it, and carry the bend to the window's end: reaching.
+
+    Three neighbouring longitudinal muscles are active along `stretch`, which sets out when the drive ends and travels as fast as `speed` in
+    the middle of its way, gently at both ends.
+    """
+
+    side: str = "LM1"
+    level: float = 0.2
+    stretch: Length = 0.04
+    speed: float = 0.3
+    width: float = 5e-3
+    onset: float = 0.0
+    rise: float = 0.6
+    offset: float = inf
+    window: tuple[Length, Length] = (0.02, 0.2)
+
+    def __post_init__(self) -> None:
+        _settle(self)
+
+    def templates(self) -> tuple[Template, ...]:
+        """One pulse on the three muscles."""
+        names = ("level", "stretch", "speed", "width", "onset", "rise", "offset", "window")
+        return (Pulse(groups=neighbours(self.side), **{name: getattr(self, name) for name in names}),)
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Levels keep a quarter of the activation as headroom for feedback."""
+        return {"level": LEVEL_BOUNDS, "speed": SPEED_BOUNDS, "rise": RAMP_BOUNDS}
+
+    def effort(self, seconds: Expression) -> Expression:
+        """Squared level times the `seconds` for which it is on."""
+        return self.level**2 * seconds

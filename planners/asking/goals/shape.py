@@ -7,7 +7,7 @@ import numpy as np
 
 from octoctrl.sim.errors import OctoctrlError, check_number
 
-from ...contracts import Expression, Outputs
+from ...contracts import Expression, Floats, Outputs
 from ..registry import register_goal
 from ..shares import Length, unresolved
 from .measured import MeasuredGoal, three_numbers
@@ -45,7 +45,7 @@ class ShapeGoal(MeasuredGoal):
 
     def residuals(self, outputs: Outputs) -> list[Expression]:
         """Coordinates minus those that are asked for, over the root of the number of points."""
-        count, edges = len(self.value), outputs.arm.edges
+        count, edges = len(self.value), nodes(outputs.stations)
         places = edges[-1] * np.arange(1, count + 1) / count
         between = np.stack([np.interp(places, edges, unit) for unit in np.eye(len(edges))])
         found = []
@@ -53,3 +53,11 @@ class ShapeGoal(MeasuredGoal):
             at = row @ between
             found += [(at[:, index] - float(point[axis])) / count**0.5 for index, point in enumerate(self.value)]
         return found
+
+
+def nodes(stations: Floats) -> Floats:
+    """Rest arclengths (n + 1,), m, of the nodes between `stations` (n + 2,): base, element centres, tip. A plant's own, not the arm's."""
+    edges = [float(stations[0])]
+    for centre in stations[1:-1]:
+        edges.append(2 * float(centre) - edges[-1])
+    return np.array(edges)
