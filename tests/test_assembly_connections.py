@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from assembly_parts import parts_of
 
-from octoctrl.sim.assembly.constants import ring_connections
+from octoctrl.sim.assembly.constants import CONTACT_STEP, ring_connections
 from octoctrl.sim.assembly.family_kernels import ring_spin_brake
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow as S
@@ -98,7 +98,7 @@ def test_muscles_touch_the_ring_nodes_beside_their_spoke(state):
                 if overlap <= 0:
                     continue
                 touched += 1
-                push = stiff[i] * overlap**1.5 / (1 + (1.5 * plant.h**2 * stiff[i] * masses[i]) ** 4 * overlap**2) ** 0.25
+                push = stiff[i] * overlap**1.5 / (1 + (1.5 * CONTACT_STEP**2 * stiff[i] * masses[i]) ** 4 * overlap**2) ** 0.25
                 on_ring[i, q] += push * between / distance
                 on_muscle[m - 1, i] -= push * between / distance
                 total[m - 1, i] -= push

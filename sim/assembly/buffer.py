@@ -16,6 +16,7 @@ from ..physics.damping import damped
 from ..rotations import rotation_vector
 from ..scene.scene import Water
 from .constants import (
+    CONTACT_STEP,
     Stiffness,
     oblique_mass,
     ring_connections,
@@ -266,14 +267,14 @@ def fill_parameters(
     wet = (0.0, 0.0) if water is None or published else (water.factor * water.oblique_rate, water.factor * water.ring_rate)
     rates = anatomy.straight_rate, anatomy.oblique_rate + wet[0], wet[1]
     held = not anatomy.traits.sliding
-    soften = 0.0 if published else h
-    muscles, helices = straight_mass(arm, geometry, soften), oblique_mass(arm, geometry, soften)
+    floor = 0.0 if published else h
+    muscles, helices = straight_mass(arm, geometry, floor), oblique_mass(arm, geometry, floor)
     held_rods = None if held else 1
     spin_rates = (
         rates if published else tuple(max(rate, least) for rate, least in zip(rates, (0.0, LEAST_SPIN_RATE, LEAST_SPIN_RATE), strict=True))
     )
-    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], spin_rates[0], soften, muscles, held_rods)
-    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], spin_rates[1], soften, helices, held_rods if held else 0)
+    _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], spin_rates[0], floor, muscles, held_rods)
+    _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], spin_rates[1], floor, helices, held_rods if held else 0)
     rows = buffer.open_rods
     ghosts = rows[R.JOINT_LENGTH] == 0
     rows[R.JOINT_LENGTH, ghosts] = 1.0
@@ -281,7 +282,7 @@ def fill_parameters(
     ghosts = rows[R.LENGTH] == 0
     rows[R.LENGTH, ghosts], rows[R.REST_RADIUS, ghosts] = apart[ghosts], 1e-3
     rows[R.STRETCH] = buffer.rings[R.STRETCH] = 1.0
-    _fill_rings(buffer, arm, geometry.rings, h, rates[2], spin_rates[2], soften, 1 if held else 0)
+    _fill_rings(buffer, arm, geometry.rings, h, rates[2], spin_rates[2], floor, 1 if held else 0)
     if anatomy.traits.graded:
         graded: Any = arm  # an arm with this trait knows them
         strength, pace = graded.ring_grades(geometry.grid.rings)
@@ -290,7 +291,7 @@ def fill_parameters(
     for family in (buffer.open_rods, buffer.rings):
         for row, length in ((R.INVERSE_LENGTH, family[R.LENGTH]), (R.INVERSE_JOINT, family[R.JOINT_LENGTH])):
             family[row] = 1 / np.where(length > 0, length, np.inf)
-    _fill_connections(buffer, arm, geometry, soften)
+    _fill_connections(buffer, arm, geometry, 0.0 if published else CONTACT_STEP)
     _fill_slabs(buffer, arm, geometry, h)
 
 

@@ -3,9 +3,9 @@
 All connections of a cross-section are computed lane by lane (one lane per ring and longitudinal element) from copies of the nodes in
 the spokes' buffer, so that every loop runs over consecutive numbers; results go to rows of their own and are summed afterwards.
 
-Contacts are softened for the step, f = k p^1.5 / (1 + s^4)^1/4 with s = 3/2 h^2 k p^0.5 (1/m_1 + 1/m_2), so that no stiffness exceeds a
-sixth of what the step can carry, while the error is of order h^8. Contacts of helices have half that s, and up to a third: softer ones
-would let a twist pass a percent late.
+Contacts are softened for the usual step h, f = k p^1.5 / (1 + s^4)^1/4 with s = 3/2 h^2 k p^0.5 (1/m_1 + 1/m_2), so that no stiffness
+exceeds a sixth of what it can carry. Contacts of helices have half that s, and up to a third: softer ones would let a twist pass a percent
+late. A shorter step finds the same law: it is part of the model, or the motion would not converge in the step.
 """
 
 from math import pi
