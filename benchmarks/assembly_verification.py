@@ -1,8 +1,9 @@
 """Verification of the full arm: time step, velocity noise, volume, and a recorded run of the published code.
 
-Run with ``python benchmarks/assembly_verification.py steps`` (about eight minutes), ``halves`` (70 against 35 us; four minutes), ``noise``
-(one minute), ``rest`` (one minute), ``volume`` (every group and pair at 0.3 and 1.0; fifteen minutes, with ``coarse`` five; see there for
-its words), or ``published FOLDER`` with the folder of the recorded run (``fig2c.csv`` and ``fig2c-states.npz``; three minutes).
+Run with ``python benchmarks/assembly_verification.py steps`` (about eight minutes), ``halves`` (70 against 35 us; four minutes, with
+``coarse mixed`` one), ``noise`` (one minute), ``rest`` (one minute), ``buckling`` (one minute), ``volume`` (every group and pair at 0.3 and
+1.0; fifteen minutes, with ``coarse`` five; see there for its words), or ``published FOLDER`` with the folder of the recorded run
+(``fig2c.csv`` and ``fig2c-states.npz``; three minutes).
 """
 
 import sys
@@ -133,6 +134,30 @@ NAMES = {LONGITUDINAL_GROUPS: "LM1..8", (*LONGITUDINAL_GROUPS, "TM"): "LM1..8, T
 RISE, HELD = 0.5, 2.0
 
 
+def centre_line(plant):
+    """Change of length of the line through the rings' centres, and the greatest turning of its tangent, degrees."""
+    parts = np.diff(plant.core.nodes()[2].mean(axis=1), axis=0)
+    lengths = np.linalg.norm(parts, axis=1)
+    along = parts / lengths[:, None]
+    turning = np.degrees(np.arccos(np.clip(along @ along[0], -1, 1)).max())
+    return lengths.sum() / np.ptp(plant.core.geometry.rings.points[:, 0, 1]) - 1, turning
+
+
+def buckling():
+    """Print how the tip of an arm with coarse rings turns aside while TM is held, by itself or if it is pushed when the level has risen."""
+    print("level, push in m/s: greatest turning every 0.05 s from 0.5 s on, degrees; elongation at the end")
+    for level, push, until in ((1.0, 0.0, 1.2), (1.0, 1e-4, 1.2), (1.0, 1e-2, 1.2), (0.9, 0.0, 2.0), (0.8, 0.0, 2.0)):
+        plant, activation = make_plant("assembly-coarse-mixed"), Activation(templates=(Plateau(groups=("TM",), level=level, rise=RISE),))
+        plant.advance(activation, RISE)
+        sideways, cells = plant.core.rods.straight(R.V1, nodes=True)[1:, 140:], []
+        sideways += push * np.linspace(0, 1, sideways.shape[1])
+        while plant.time < until - 1e-9:
+            plant.advance(activation, 0.05)
+            length, turning = centre_line(plant)
+            cells.append(f"{turning:.2g}")
+        print(f"{level:4.2f} {push:6g}:", *cells, f" {length:+.1%}", flush=True)
+
+
 def volume(words):
     """Print what groups alone, in pairs and together do in 2 s to volume and shape, and whether they are survived.
 
@@ -153,20 +178,19 @@ def volume(words):
                 recording, said = error.recording, f"  {error}"
             series = (recording.series[name] for name in ("volume", "slab_volume"))
             furthest = [values.flat[np.abs(values - 1).argmax()] for values in series]
-            line = plant.core.nodes()[2].mean(axis=1)
-            parts = np.diff(line, axis=0)
-            lengths = np.linalg.norm(parts, axis=1)
-            along = parts / lengths[:, None]
-            turning = np.degrees(np.arccos(np.clip(along @ along[0], -1, 1)).max())
-            length = lengths.sum() / np.ptp(plant.core.geometry.rings.points[:, 0, 1]) - 1
+            length, turning = centre_line(plant)
             turns = twist(recording.points[-1], -recording.frames[-1, 1:-1, 1])
             name = NAMES.get(groups, ", ".join(groups))
             cells = f"{100 * furthest[0]:7.2f} {100 * furthest[1]:7.2f} {length:+8.2%} {turning:8.1f} {turns:+9.5f} {plant.retried:6d}"
             print(f"{name:14s} {level:5.2f} {recording.time[-1]:8.2f}", cells + said, flush=True)
 
 
-def halves():
-    """Print what 70 instead of 35 us changes while R-OM and TM rise to 0.3, and in the whole coil at oblique level 0.17."""
+def halves(words):
+    """Print what 70 instead of 35 us changes while R-OM and TM rise to 0.3, and in the whole coil at oblique level 0.17.
+
+    `words` may hold ``coarse`` and ``mixed``.
+    """
+    build = {"ring_nodes": 8 if "coarse" in words else None, "precision": "mixed" if "mixed" in words else "double"}
     plateau = {groups: Activation(templates=(Plateau(groups=groups, level=0.3, rise=0.4),)) for groups in (("R-OM",), ("TM",))}
     for label, activation, duration in (
         *((groups[0], source, 0.5) for groups, source in plateau.items()),
@@ -174,7 +198,8 @@ def halves():
     ):
         traces = []
         for steps_in_a_sample in (71, 142):  # 70 us is more than a user may ask for
-            recording = Plant(AssemblyCore(Arm.octopus(), Scene.free()), Clock(steps=steps_in_a_sample)).advance(activation, duration)
+            plant = Plant(AssemblyCore(Arm.octopus(), Scene.free(), **build), Clock(steps=steps_in_a_sample))
+            recording = plant.advance(activation, duration)
             trace = measure(recording.time, recording.points, recording.frames)
             traces.append({"Lk": trace.lifted_link, "Wr": trace.lifted_writhe, "Tw": trace.twist, "length": recording.length * 1e3})
         cells = []
@@ -234,11 +259,13 @@ def published(folder):
 
 
 def main():
-    subjects = {"steps": steps, "halves": halves, "noise": noise, "rest": rest}
+    subjects = {"steps": steps, "noise": noise, "rest": rest, "buckling": buckling}
     if sys.argv[1:2] == ["published"] and len(sys.argv) == 3:
         published(Path(sys.argv[2]))
     elif sys.argv[1:2] == ["volume"]:
         volume(sys.argv[2:])
+    elif sys.argv[1:2] == ["halves"]:
+        halves(sys.argv[2:])
     elif sys.argv[1:] and all(name in subjects for name in sys.argv[1:]):
         for name in sys.argv[1:]:
             subjects[name]()

@@ -40,6 +40,8 @@ FOUND = (
     "sections that folded over and stayed so, turned inside out, without a guard that noticed",
     "frames that lost their orthonormality in an element that turns by a radian within one step",
     "arms with absurd densities, moduli or layers, and steps beyond counting, that ended in a traceback instead of a sentence",
+    "a flutter of rings at the tip of the full arm under thick muscles (`tests/test_assembly_joints.py`): the viscosity and the selective "
+    "mass of a hoop, solved for one after the other, made of forces that have a potential some that have none",
 )
 COLOURS = ("#009E73", "#56B4E9", "#F0E442", "#E69F00", "0.75", "#0072B2", "#D55E00", "#000000")
 
