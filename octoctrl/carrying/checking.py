@@ -1,7 +1,7 @@
 """What was found by searching, checked: carried out once on the plant that is asked for, from rest and as planned.
 
 The next candidate follows where one misses. What a plan is called is decided by the verdict's own checks on that run, and by whether the
-last phase ends well in every scenario of the search.
+goals are met in every scenario of the search.
 """
 
 from collections.abc import Sequence
@@ -34,17 +34,22 @@ KEPT, EVERY = 2, 5
 
 @dataclass(frozen=True, slots=True)
 class Programme:
-    """A task with drives, numbers for all of them, and the last phase as it was searched, with its own numbers `x`."""
+    """A task with drives, numbers for all of them, and the last phase as it was searched, with its own numbers `x`.
+
+    `before` holds by scenario the worst goal of all phases before the last, in tolerances.
+    """
 
     task: Task
     numbers: dict[str, float]
     primitives: tuple[Primitive, ...]
     stage: Stage
     x: Floats
+    before: tuple[float, ...]
 
     def scenarios(self) -> list[float]:
-        """The worst goal of the last phase, in tolerances, by scenario."""
-        return [max(item.misses, default=0.0) for item in self.stage.ended(self.x)]
+        """The worst goal of all phases, in tolerances, by scenario."""
+        last = self.stage.ended(self.x)
+        return [max(*item.misses, earlier, 0.0) for item, earlier in zip(last, self.before, strict=True)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 Where contact decides, no reduced model knows better than the simulation of one rod, which takes a tenth of a second for a grasp. Each phase
 is searched from the states in which the phase before ended, one for each scenario. What is found is carried out once on the plant itself,
 from rest, as planned; the next candidate follows where one misses. What the plan is called is decided by the verdict's own checks on that
-run, and by whether the last phase ends well in every scenario of the search.
+run, and by whether all goals are met in every scenario of the search.
 """
 
 import os
@@ -156,6 +156,7 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     """Search phase by phase; of the last phase several candidates are kept."""
     scenarios = _scenarios(task, work)
     states: tuple[State | None, ...] = (None,) * len(scenarios)
+    before = (0.0,) * len(scenarios)
     settled: tuple[Primitive, ...] = ()
     numbers: dict[str, float] = {}
     tried: list[str] = []
@@ -173,7 +174,9 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
             settled += stage.primitives(best.x)
             numbers |= dict(zip(stage.unknowns.names, map(float, best.x), strict=True))
             ended = stage.ended(best.x)
-            tried.append(by_scenario(f"phase '{phase.name}'", [max(item.misses, default=0.0) for item in ended]))
+            shares = [max(item.misses, default=0.0) for item in ended]
+            before = tuple(map(max, before, shares))
+            tried.append(by_scenario(f"phase '{phase.name}'", shares))
             states = tuple(item.state or None for item in ended)
     programmes = [
         Programme(
@@ -182,6 +185,7 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
             _in_order(stage.task, (*settled, *stage.primitives(item.x))),
             stage,
             item.x,
+            before,
         )
         for stage, item in last
     ]

@@ -92,6 +92,7 @@ def tug(held: Plant, source: ActivationSource, name: str, direction: Floats, dis
     ):
         body[column : column + width] = 0.0
     body[Body.VELOCITY : Body.VELOCITY + 3], body[Body.MOVING] = unit * distance / SECONDS, 1.0
+    state["between"] = moved.state()["between"]  # what is moved by a tug meets no other body
     slid = float(body[Body.SLIPPED])
     moved.restore(state)
     recording = moved.advance(source, SECONDS)
