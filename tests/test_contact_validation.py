@@ -12,8 +12,9 @@ import pytest
 from octoctrl.sim.compiler import kernel
 from octoctrl.sim.contact.body_kernels import drift_bodies, kick_bodies
 from octoctrl.sim.contact.columns import Anchor, Body
+from octoctrl.sim.contact.sweep_kernels import contact_sweeps
 from octoctrl.sim.contact.world import World, points_of
-from octoctrl.sim.rod.contact_kernels import rod_contact_kernels
+from octoctrl.sim.rod.contact_kernels import rod_surface
 from octoctrl.sim.rod.elastic import RodSimulation
 from octoctrl.sim.rod.elastic_kernels import rod_kernels
 from octoctrl.sim.rod.layout import Row, stride_for
@@ -27,7 +28,7 @@ SLIDING = (0.8, 0.4)
 ROLLING = (0.4, 0.2)
 
 drift, strain, curvature, _, moment, transport, kick, _ = rod_kernels(stride_for(ELEMENTS), True)
-watch, touch, follow = rod_contact_kernels(stride_for(ELEMENTS), constant_section=True)
+watch, touch, follow = contact_sweeps(rod_surface(stride_for(ELEMENTS), constant_section=True))
 COUNT = np.uint64(ELEMENTS)
 
 

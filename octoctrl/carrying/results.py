@@ -13,6 +13,7 @@ from octoctrl.planners.solving.plan import Plan, PlanStatus
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.records import Record, check_shapes
 from octoctrl.sim.running.recording import Recording, StrandMotion
+from octoctrl.sim.scene.scene import self_contact
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..tables import number, table
@@ -249,8 +250,8 @@ def execution_text(run: Execution) -> str:
     recording, trace = run.recording, run.trace
     end = float(recording.time[-1])
     plant = run.plant if run.plant == run.plan.plant else f"{run.plant} (planned for {run.plan.plant})"
-    what = f"run of '{run.plan.task.name}'   {end:.2f} s on arm {run.plan.arm.name}   plant {plant}   feedback {run.feedback}"
-    lines = [f"{what}   simulated in {run.report.wall_time:.1f} s"]
+    what = f"run of '{run.plan.task.name}'   {end:.2f} s on arm {run.plan.arm.name}   plant {plant}   {self_contact(run.plan.scene)}"
+    lines = [f"{what}   feedback {run.feedback}   simulated in {run.report.wall_time:.1f} s"]
     rows = [(event.phase, f"{event.planned:.2f} s", f"{event.actual:.2f} s", "met" if event.met else "not met") for event in run.events]
     lines += table(("phase", "planned end", "actual end", "goals"), rows) if rows else []
     last = f"twist {trace.twist[-1]:+.2f}   lifted writhe {trace.lifted_writhe[-1]:+.2f}   lifted link {trace.lifted_link[-1]:+.2f}"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.scene.scene import self_contact
 
 from ..carrying.results import Execution, Verdict
 from ..citation import CITATION
@@ -50,7 +51,8 @@ def heading(runs: Sequence[Execution], verdicts: Sequence[Verdict]) -> str:
 def made(run: Execution) -> str:
     """How a `run` was made and how it ended, in one line."""
     end = float(run.recording.time[-1])
-    return f"{end:.2f} s of arm {run.plan.arm.name}, plant {run.plant}, feedback {run.feedback}. {run.status.value}"
+    where = f"arm {run.plan.arm.name}, plant {run.plant}, {self_contact(run.plan.scene)}"
+    return f"{end:.2f} s of {where}, feedback {run.feedback}. {run.status.value}"
 
 
 def section(

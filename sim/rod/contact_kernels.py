@@ -4,20 +4,18 @@ Point p sits in element k at the share xi of its length. An impulse on its surfa
 turns the element by its lever from the centreline.
 """
 
-from typing import Any
-
 import numpy as np
 
 from ..compiler import kernel
 from ..contact.shape_kernels import distance
-from ..contact.sweep_kernels import Surface, contact_sweeps
+from ..contact.sweep_kernels import Surface
 from .layout import offsets
 
 ONE = np.uint64(1)
 
 
-def rod_contact_kernels(stride: int, constant_section: bool = False) -> Any:
-    """Compile the contact of a rod with bodies for buffers of the given stride.
+def rod_surface(stride: int, constant_section: bool = False) -> Surface:
+    """Compile what contact asks of a rod, for buffers of the given stride.
 
     Parameters
     ----------
@@ -27,8 +25,7 @@ def rod_contact_kernels(stride: int, constant_section: bool = False) -> Any:
 
     Returns
     -------
-    watch, touch, follow : compiled functions
-        See `octoctrl.sim.contact.sweep_kernels.contact_sweeps`.
+    Surface
     """
     o = offsets(stride)
     X1, X2, X3, V1, V2, V3, W1, W2, W3 = (o[f"{field}{i}"] for field in "XVW" for i in (1, 2, 3))
@@ -106,4 +103,4 @@ def rod_contact_kernels(stride: int, constant_section: bool = False) -> Any:
         b[W2 + k] += turn * b[MOBILITY2 + k] * (b[Q21 + k] * t1 + b[Q22 + k] * t2 + b[Q23 + k] * t3)
         b[W3 + k] += turn * b[MOBILITY3 + k] * (b[Q31 + k] * t1 + b[Q32 + k] * t2 + b[Q33 + k] * t3)
 
-    return contact_sweeps(Surface(place, meet, velocity, mobility, push))
+    return Surface(place, meet, velocity, mobility, push)

@@ -17,17 +17,22 @@ from ..errors import OctoctrlError
 from ..findings import Finding, Stop
 from ..physics.fibre_kernels import law_constants
 from ..running.clock import SAFETY, Clock, StepLimit
-from ..scene.scene import Scene, Water
+from ..scene.scene import SELF_CONTACT, Scene, Water
 from .buffer import joint_curvature, node_masses, rod_energy, set_damping, set_joints, set_state
 from .diagnosis import ALTERNATING, TRAIL, alternation, explained, substeps
 from .layout import STATE_ROWS, Row, new_buffer, stride_for
 from .step_limits import predict_limit
 
 if TYPE_CHECKING:
+    from ..contact.folds import Folds
     from ..contact.surroundings import Surroundings
+    from ..contact.world import Points
 
 LARGEST_STEP = 1e-3
 """What ``dt="auto"`` takes at most, s: coarse arms would be stable beyond, but miss the onset of their muscles."""
+
+FOLDED_STEP = 2e-4
+"""The same where the arm touches itself, s: at 0.5 ms a light tip that is caught between heavier laps folds over."""
 
 NO_LOADS = np.zeros((1, 5, 3, 1))
 
@@ -36,10 +41,10 @@ _LIMITS: dict[tuple[Arm, Water | None], StepLimit] = {}
 
 
 @cache
-def _muscular_advance(stride: int, layout: MuscleLayout, loaded: bool, touching: bool) -> Callable[..., Any]:
+def _muscular_advance(stride: int, layout: MuscleLayout, loaded: bool, touching: bool, folding: bool) -> Callable[..., Any]:
     from .stepping import muscular_stepper
 
-    return muscular_stepper(stride, layout, loaded, touching)
+    return muscular_stepper(stride, layout, loaded, touching, folding)
 
 
 class RodCore:
@@ -86,7 +91,7 @@ class RodCore:
         self._steppers: dict[bool, Callable[..., Any]] = {}
         self.node_mass = node_masses(sum(self._section.masses) * self._lengths)
         self._fill_parameters()
-        self._around = self._surroundings()
+        self._around, self._folds = self._surroundings(), self._own_folds()
         self.rest()
         self.limit = self._limit_at_rest()
 
@@ -97,14 +102,31 @@ class RodCore:
         from ..contact.surroundings import Surroundings
         from ..contact.world import points_of
 
-        edges, water = self.partitions["arm"], self.scene.water
-        points = points_of(edges, np.asarray(self._section.outer_radius), min(item.bend for item in self.scene.objects))
+        water = self.scene.water
+        points = points_of(self.partitions["arm"], np.asarray(self._section.outer_radius), min(item.bend for item in self.scene.objects))
         thickness = float(self.arm.section(0.0).outer_radius)
         density = 0.0 if water is None else water.density
         found = Surroundings(self.scene.objects, points, thickness=thickness, water_density=density)
-        place = edges[points.element.astype(int) - 1] + points.share * self._lengths[points.element.astype(int) - 1]
+        place = self._along(points)
         found.check(np.stack([np.zeros_like(place), place, np.zeros_like(place)], axis=1))
         return found
+
+    def _own_folds(self) -> "Folds | None":
+        """What of the arm may touch itself; None where that is not asked for."""
+        if not self.scene.self_contact:
+            return None
+        from ..contact.folds import Folds
+        from ..contact.world import points_of
+
+        radius = np.asarray(self._section.outer_radius)
+        points = points_of(self.partitions["arm"], radius, float(radius.min()))
+        return Folds.of(points, self._along(points))
+
+    def _along(self, points: "Points") -> Floats:
+        """Rest arclength of material points, m."""
+        element = points.element.astype(int) - 1
+        place: Floats = self.partitions["arm"][element] + points.share * self._lengths[element]
+        return place
 
     @property
     def rows(self) -> Floats:
@@ -114,7 +136,7 @@ class RodCore:
     @property
     def usual(self) -> float:
         """What ``dt="auto"`` takes, s."""
-        return min(SAFETY * self.limit.step, LARGEST_STEP)
+        return min(SAFETY * self.limit.step, LARGEST_STEP if self._folds is None else FOLDED_STEP)
 
     def _limit_at_rest(self) -> StepLimit:
         key = self.arm, self.scene.water
@@ -149,7 +171,8 @@ class RodCore:
         scratch = np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n))
         around = None if self._around is None else self._around.state()
         world = () if self._around is None else self._around.world.with_room(1)
-        found = predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, both, None, world, *scratch))
+        folds = () if self._folds is None else self._folds.with_room(1)
+        found = predict_limit(self.rows, n, self.node_mass, self._prepare, lambda h: self._step(h, 1, both, None, world, folds, *scratch))
         if self._around is not None and around is not None:
             self._around.restore(around)
         if before is not None:
@@ -211,6 +234,7 @@ class RodCore:
         set_state(self.rows, self.elements, points, np.broadcast_to(REST_FRAME, (self.elements, 3, 3)), REST_FRAME)
         if self._around is not None:
             self._around.rest()
+        self._folded = np.zeros(3)
 
     def shape(self) -> tuple[Floats, Floats, Floats]:
         """Points (n + 1, 3), frames (n, 3, 3) and stretch (n,) now."""
@@ -220,8 +244,9 @@ class RodCore:
         return points, frames, np.linalg.norm(np.diff(points, axis=0), axis=1) / self._lengths
 
     def series(self) -> State:
-        """Of each object of the scene, see `octoctrl.sim.contact.surroundings.Touch`."""
-        return {} if self._around is None else self._around.now()
+        """Of each object of the scene, see `octoctrl.sim.contact.surroundings.Touch`; of the arm on itself, see `Folds.notes`."""
+        found = {} if self._around is None else self._around.now()
+        return found if self._folds is None else found | {SELF_CONTACT: self._folded.copy()}
 
     def speeds(self) -> tuple[Floats, Floats]:
         """Velocities (n + 1, 3) of the nodes and spins (n, 3) of the elements now."""
@@ -244,8 +269,11 @@ class RodCore:
         n, samples = self.elements, len(levels) - 1
         points, frames, stretch = np.empty((samples, n + 1, 3)), np.empty((samples, n, 3, 3)), np.empty((samples, n))
         world: Any = () if self._around is None else self._around.world.with_room(samples, strict=strict)
-        done, finding, element = self._step(self._h, steps, levels, loads, world, points, frames, stretch)
+        folds: Any = () if self._folds is None else self._folds.with_room(samples, strict=strict)
+        done, finding, element = self._step(self._h, steps, levels, loads, world, folds, points, frames, stretch)
         series = {} if self._around is None else self._around.series(world)
+        if self._folds is not None:
+            series[SELF_CONTACT], self._folded = folds.notes, folds.notes[done - 1] if done else self._folded
         return Motion(
             points[:done],
             frames[:done],
@@ -256,14 +284,16 @@ class RodCore:
         )
 
     def _step(
-        self, h: float, steps: int, levels: Floats, loads: Floats | None, world: Any, points: Floats, frames: Floats, stretch: Floats
-    ) -> tuple[int, int, int]:
+        self, h: float, steps: int, levels: Floats, loads: Floats | None, world: Any, folds: Any, points: Floats, frames: Floats,
+        stretch: Floats,
+    ) -> tuple[int, int, int]:  # fmt: skip
         """The compiled loop: `steps` of h in each sample -> samples done, finding, element."""
         loaded = loads is not None
         step = self._steppers.get(loaded)
         if step is None:
             with BUILDING:
-                step = _muscular_advance(stride_for(self.elements), self.arm.layout, loaded, self._around is not None)
+                touching, folding = self._around is not None, self._folds is not None
+                step = _muscular_advance(stride_for(self.elements), self.arm.layout, loaded, touching, folding)
             self._steppers[loaded] = step
         if self._loaded and not loaded:
             self.rows[Row.FORCE1 : Row.COUPLE3 + 1] = 0.0
@@ -272,7 +302,7 @@ class RodCore:
         active = np.ones((len(levels) - 1, levels.shape[1]), dtype=bool) if self._complete else self._active(levels)
         given = NO_LOADS if loads is None else loads
         found: tuple[int, int, int] = step(
-            self.buffer, count, h, steps, levels, active, self._scalars, given, world, points, frames, stretch
+            self.buffer, count, h, steps, levels, active, self._scalars, given, world, folds, points, frames, stretch
         )
         return found
 
@@ -304,13 +334,16 @@ class RodCore:
     def state(self) -> State:
         """Copies of the rows that hold the motion."""
         motion = {"state": self.rows[:STATE_ROWS, : self.elements + 2].copy()}
-        return motion if self._around is None else motion | self._around.state()
+        motion = motion if self._around is None else motion | self._around.state()
+        return motion if self._folds is None else motion | {SELF_CONTACT: self._folded.copy()}
 
     def restore(self, state: State) -> None:
         """Write back what `state` returned."""
         self.rows[:STATE_ROWS, : self.elements + 2] = state["state"]
         if self._around is not None:
             self._around.restore(state)
+        if self._folds is not None:
+            self._folded = np.array(state[SELF_CONTACT])
 
     def displace(self, shift: ArrayLike = 0.0, velocities: ArrayLike = 0.0) -> None:
         """Move the nodes that are free to.
@@ -348,4 +381,9 @@ class RodCore:
 
     def identity(self) -> dict[str, Any]:
         """What a saved state must share."""
-        return {"grading": self.arm.grading, "elements": self.elements, "objects": repr(self.scene.objects)}
+        return {
+            "grading": self.arm.grading,
+            "elements": self.elements,
+            "objects": repr(self.scene.objects),
+            "self_contact": self.scene.self_contact,
+        }

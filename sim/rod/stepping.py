@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from ..body.layout import Family, MuscleLayout
 from ..compiler import kernel
 from ..contact.body_kernels import drift_bodies, kick_bodies
+from ..contact.fold_kernels import fold_sweeps
 from ..contact.near_kernels import CLOSE, MEETING, MOVES, SINKS
 from ..contact.note_kernels import note
 from ..contact.pair_kernels import meet
+from ..contact.sweep_kernels import contact_sweeps
 from ..contracts import Floats
 from ..physics.fibre_kernels import LawConstants
-from .contact_kernels import rod_contact_kernels
+from .contact_kernels import rod_surface
 from .elastic_kernels import frame_kernel, rod_kernels
 from .guard_kernels import FINE, SUNK, guard_kernel, record_kernel
 from .layout import offsets
@@ -41,7 +43,9 @@ class MuscleScalars(NamedTuple):
     wet: bool
 
 
-def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, touching: bool = False) -> Callable[..., Any]:
+def muscular_stepper(
+    stride: int, layout: MuscleLayout, loaded: bool = False, touching: bool = False, folding: bool = False
+) -> Callable[..., Any]:
     """Compile the loop of a rod with muscle fibres.
 
     Parameters
@@ -52,23 +56,27 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
     loaded : bool
         Whether loads act from outside.
     touching : bool
-        Whether there are bodies to touch. Of what there is not, nothing is compiled.
+        Whether there are bodies to touch.
+    folding : bool
+        Whether the arm touches itself. Of what there is not, nothing is compiled.
 
     Returns
     -------
     advance : compiled function
-        ``advance(buffer, n, h, steps, levels, active, scalars, loads, world, points, directors, stretch)`` takes `steps` steps of `h`
-        for each of the samples, whose count is the length of `points`, and fills the three arrays. Returns ``(samples done, finding,
+        ``advance(buffer, n, h, steps, levels, active, scalars, loads, world, folds, points, directors, stretch)`` takes `steps` steps of
+        `h` for each of the samples, whose count is the length of `points`, and fills the three arrays. Returns ``(samples done, finding,
         element)``; `levels` (samples + 1, groups, n), linear in time between samples, `active` (samples, groups) bool, which groups
         differ from zero in each (others are left out, which changes no bit), `loads` as in `octoctrl.sim.scene.loads.sampled_loads`,
-        and `world` an `octoctrl.sim.contact.world.World`, or an empty tuple.
+        `world` an `octoctrl.sim.contact.world.World` and `folds` an `octoctrl.sim.contact.folds.Folds`, or empty tuples.
     """
     drift, strain, curvature, curvature_rate, moment, transport, kick, water = rod_kernels(stride)
     measure, straight, wound, apply, remember, brake, relax = section_kernels(stride, layout)
     longitudinal, oblique, transverse = fibre_kernels(stride)
     guard, straighten, record = guard_kernel(stride), frame_kernel(stride), record_kernel(stride)
     load = load_kernel(stride)
-    watch, touch, follow = rod_contact_kernels(stride)
+    surface = rod_surface(stride)
+    watch, touch, follow = contact_sweeps(surface)
+    watch_folds, part, note_folds = fold_sweeps(surface)
     LEVEL = offsets(stride)["LEVEL"]
     families, places = layout.families, layout.places
     groups, along, across = len(layout), int(Family.LONGITUDINAL), int(Family.TRANSVERSE)
@@ -89,6 +97,7 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
         scalars: MuscleScalars,
         loads: Floats,
         world: Any,
+        folds: Any,
         points: Floats,
         directors: Floats,
         stretch: Floats,
@@ -100,6 +109,8 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
                 moves, close, meeting = world.seen[MOVES], world.seen[CLOSE], world.seen[MEETING]
                 if moves:
                     drift_bodies(world.bodies, 0.5 * h)
+            if folding:
+                watch_folds(b, folds, h * steps)
             drift(b, n, 0.5 * h)
             before, after = levels[sample], levels[sample + 1]
             changing = True
@@ -136,6 +147,8 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
                         touch(b, world, h)
                     if meeting:
                         meet(world, h)
+                if folding:
+                    part(b, folds, h)
                 brake(b, n)
                 relax(b, n)
                 if touching:
@@ -146,12 +159,13 @@ def muscular_stepper(stride: int, layout: MuscleLayout, loaded: bool = False, to
                 drift(b, n, h if step + 1 < steps else 0.5 * h)
             if touching:
                 note(world, sample, h, steps)
+            sunk = note_folds(folds, sample, h, steps) if folding else False
             finding, element = guard(b, n)
             if finding != FINE:
                 return sample, finding, element
             straighten(b, n)
             record(b, n, points[sample], directors[sample], stretch[sample])
-            if touching and world.seen[SINKS]:
+            if sunk or (touching and world.seen[SINKS]):
                 return sample + 1, SUNK, ONE
         return points.shape[0], FINE, ONE
 

@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass, field
 
-from ..errors import check_number
+from ..errors import OctoctrlError, brief, check_number
 from .loads import Load, PointLoad, SpreadLoad, checked_loads
 from .objects import RigidObject, checked_objects
+
+SELF_CONTACT = "self contact"
+"""Name, in the series of a recording, of what the arm does to itself, see `octoctrl.sim.contact.folds.Folds`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +53,9 @@ class Scene:
     objects : tuple of RigidObject
         What the arm may touch, see `octoctrl.sim.scene.objects`.
 
+    self_contact : bool
+        Whether the arm touches itself, without friction; otherwise it passes through itself, as coils do that are told by their link.
+
     Raises
     ------
     OctoctrlError
@@ -59,12 +65,20 @@ class Scene:
     water: Water | None = field(default=Water())
     loads: tuple[PointLoad | SpreadLoad | Load, ...] = ()
     objects: tuple[RigidObject, ...] = ()
+    self_contact: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "loads", checked_loads(self.loads))
         object.__setattr__(self, "objects", checked_objects(self.objects))
+        if not isinstance(self.self_contact, bool):
+            raise OctoctrlError(f"self_contact is {brief(self.self_contact)}; True or False is needed")
 
     @classmethod
     def free(cls, *, loads: tuple[Load, ...] = (), **water: float) -> "Scene":
         """An arm alone in water, with `loads` or none; further keywords change fields of `Water`."""
         return cls(water=Water(**water), loads=loads)
+
+
+def self_contact(scene: Scene) -> str:
+    """Whether the arm touches itself, as headers say it."""
+    return f"self-contact {'on' if scene.self_contact else 'off'}"
