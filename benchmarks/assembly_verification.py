@@ -16,7 +16,7 @@ from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.buffer import set_filter_masks
 from octoctrl.sim.assembly.core import AssemblyCore, compiled
 from octoctrl.sim.assembly.layout import AssemblyRow as R
-from octoctrl.sim.assembly.meeting_kernels import together
+from octoctrl.sim.assembly.meeting_kernels import crews, together
 from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import PlantUnstableError
@@ -82,7 +82,8 @@ def single_steps(plant, activation, count):
             set_filter_masks(rods)
         levels, numbers = (longitudinal, oblique, transverse), (plant.core._laws, plant.core._drag)
         rest = rods.ring_index, rods.helix_index, *out, *plant.core._carried(None), (), False
-        together(step, (whole(plant.core.grid),), (rods.flat, plant.h, 1, *levels, *numbers, *rest))
+        (crew,) = crews((whole(plant.core.grid),), rods.flat.dtype)
+        together(step, ((rods.flat, plant.h, 1, *levels, *numbers, *rest, crew),))
         seen.append(families(rods))
     return [np.stack(values) for values in zip(*seen, strict=True)]
 

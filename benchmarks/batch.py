@@ -8,6 +8,7 @@ others measure the neighbours.
 import argparse
 import json
 import os
+import resource
 import time
 from pathlib import Path
 
@@ -61,7 +62,8 @@ def main():
     print(f"{'threads':>8} {'arm-seconds per second':>24} {'ratio':>7} {'CPU ms per arm-second':>23}")
     for threads in options.threads:
         print(f"{threads:8d} {best[threads]:24.0f} {best[threads] / one:7.2f} {1e3 * spent[threads]:23.2f}")
-    print(f"every arm as it moves alone, bit by bit: {'yes' if equal else 'NO'}")
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"every arm as it moves alone, bit by bit: {'yes' if equal else 'NO'}; at most {memory:.0f} MB of memory")
     if options.json:
         options.json.write_text(json.dumps({"arms": options.arms, "throughput": best, "cpu_per_arm_second": spent, "equal": bool(equal)}))
 

@@ -35,14 +35,16 @@ RUNS = {
 
 
 def strike(**settings):
-    """Length with the club (m), speed (m/s) and acceleration over a millisecond (m/s^2) every 0.1 ms, and the processor time (s)."""
+    """Length with the club (m), speed (m/s), acceleration over a millisecond (m/s^2) every 0.1 ms; processor time (s); volumes off."""
     plant = make_plant("assembly", TENTACLE, AIR, sample_interval=SAMPLE, record_every=1, **settings)
     plant.advance(Strike(), SAMPLE)
     plant.reset()
     begin = time.process_time()
-    place = plant.advance(Strike(), 0.08).points[:, -1, 1]
+    recording = plant.advance(Strike(), 0.08)
+    spent, place = time.process_time() - begin, recording.points[:, -1, 1]
     speed = np.gradient(place, SAMPLE)
-    return place + TENTACLE.club_length, speed, (speed[10:] - speed[:-10]) / 1e-3, time.process_time() - begin
+    kept = [np.abs(recording.series[name] - 1).max() for name in ("volume", "slab_volume")]
+    return place + TENTACLE.club_length, speed, (speed[10:] - speed[:-10]) / 1e-3, spent, kept
 
 
 def measures(length, speed, acceleration):
@@ -97,11 +99,12 @@ def draw(strikes, path):
 
 def main():
     strikes = {}
-    print("numerics, step          extension %   in ms   peak m/s   m/s^2   processor s")
+    print("numerics, step          extension %   in ms   peak m/s   m/s^2  volume, slab off by %   processor s")
     for name, settings in RUNS.items():
-        length, speed, acceleration, cost = strikes[name] = strike(**settings)
+        length, speed, acceleration, cost, kept = strikes[name] = strike(**settings)
         extension, duration, fastest, strongest = measures(length, speed, acceleration)
-        print(f"  {name:22s}{100 * extension:10.1f}{duration:9.1f}{fastest:10.3f}{strongest:9.0f}{cost:11.1f}", flush=True)
+        off = f"{100 * kept[0]:12.3f}{100 * kept[1]:9.3f}"
+        print(f"  {name:22s}{100 * extension:10.1f}{duration:9.1f}{fastest:10.3f}{strongest:9.0f}{off}{cost:14.1f}", flush=True)
         at = np.round(RECORDED[:, 0] * 1e-3 / SAMPLE).astype(int)
         apart, slower = np.abs(length[at] * 1e3 - RECORDED[:, 1]).max(), np.abs(speed[at] - RECORDED[:, 2]).max()
         print(f"    from the recorded run: {apart:.2f} mm, {slower:.3f} m/s ({100 * slower / RECORDED[:, 2].max():.1f} % of its peak)")

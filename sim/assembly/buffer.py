@@ -173,8 +173,14 @@ def aligned(count: int, kind: DTypeLike) -> Floats:
 def new_assembly(geometry: AssemblyGeometry) -> AssemblyBuffer:
     """A zeroed buffer for `geometry`, with its tables of indices."""
     grid = geometry.grid
-    lanes, count = grid.lanes, grid.rings
-    flat = aligned(buffer_size(grid), np.float32 if grid.single else np.float64)
+    return buffer_in(aligned(buffer_size(grid), np.float32 if grid.single else np.float64), grid, geometry)
+
+
+def buffer_in(flat: np.ndarray, grid: AssemblyGrid, geometry: AssemblyGeometry, before: int = 0) -> AssemblyBuffer:
+    """The buffer of the cross-sections of `geometry` that a `grid` has room for, without so many `before` them, at the begin of `flat`."""
+    lanes, count = grid.lanes, geometry.grid.rings
+    first, last = max(1, before), min(count, before + lanes - 1)
+    inside, lane = slice(first - before, last + 1 - before), np.arange(first, last + 1) - before
 
     def view(start: Any, rows: type[IntEnum], slots: int) -> Floats:
         stride = stride_of(slots, lanes)
@@ -185,14 +191,13 @@ def new_assembly(geometry: AssemblyGeometry) -> AssemblyBuffer:
     around, along = ((0, 1, opposite, opposite + 1), (0,)) if grid.between else ((-2, -1, 0, 1, 2, opposite), (1, 0, -1))
     ring_index = np.zeros((len(around), grid.helices, lanes), dtype=np.uint64)
     helix_index = np.zeros((len(along), grid.helices, lanes), dtype=np.uint64)
-    lane = np.arange(1, count + 1)
     for place, away in enumerate(around):
-        node = (_node_before(geometry) + away) % grid.ring_nodes
-        ring_index[place, :, 1 : count + 1] = (node + 1) * lanes + lane
+        node = (_node_before(geometry)[:, first - 1 : last] + away) % grid.ring_nodes
+        ring_index[place, :, inside] = (node + 1) * lanes + lane
     for j in range(grid.helices):
         side, start = 1 if j < grid.helices // 2 else -1, (grid.straight_rods + grid.helix_nodes * j) * lanes
         for place, away in enumerate(along):
-            helix_index[place, j, 1 : count + 1] = start + grid.helix_nodes * (lane - 1) + 1 + side * away
+            helix_index[place, j, inside] = start + grid.helix_nodes * (lane - 1) + 1 + side * away
     buffer = AssemblyBuffer(
         grid=grid,
         flat=flat,

@@ -33,9 +33,9 @@ from .constants import fibre_laws, slab_volumes, thin_ring_limit
 from .diagnosis import cause
 from .energies import connections_of
 from .geometry import assembly_geometry, assembly_grid
+from .halves import Halves, OneMemory
 from .layout import AssemblyRow, SlabRow, SpokeRow
 from .meeting_kernels import cores, together
-from .parts import halves, whole
 from .surroundings import surroundings_of
 
 DEFAULT_SHARE, LARGEST_SHARE = 0.82, 0.93
@@ -174,6 +174,7 @@ class AssemblyCore:
         )
         self._ring_radius = np.linalg.norm(self.geometry.rings.points[..., ::2], axis=2).mean(axis=1)
         self.rods = new_assembly(self.geometry)
+        self._memory = OneMemory(self.rods) if self.threads == 1 else Halves(self.rods, self.geometry)
         water = scene.water
         drag = (0.0, 0.0) if water is None else (water.normal_coefficient, water.tangential_coefficient)
         density = 0.0 if water is None else water.density * water.factor
@@ -310,9 +311,10 @@ class AssemblyCore:
         longitudinal, oblique, transverse = self._levels(inputs, clock.instants(first, samples))
         around = self._around
         world: Any = () if around is None else around.world.with_room(samples, strict=not watch)
+        memory = self._memory
         with BUILDING:
             step = compiled(
-                self.grid,
+                memory.grid,
                 self.geometry.inclination,
                 self.paper_compatible,
                 self.arm.anatomy.traits,
@@ -321,13 +323,15 @@ class AssemblyCore:
             )
         if self.paper_compatible:
             set_filter_masks(rods)
-        parts = (whole(self.grid),) if self.threads == 1 else halves(self.grid)
-        done, finding, family, where = together(step, parts, (
-            rods.flat, self._rounded(self._h), clock.steps, longitudinal, oblique, transverse, self._rounded(self._laws),
-            self._rounded(self._drag),
-            rods.ring_index, rods.helix_index, points, frames, stretch, volumes, *self._carried(loads), world, watch,
-        ))  # fmt: skip
-        rod, element = self.place(family, int(where)) if finding else ("", 0)
+        given = (
+            self._rounded(self._h), clock.steps, longitudinal, oblique, transverse, self._rounded(self._laws), self._rounded(self._drag),
+        )  # fmt: skip
+        with memory.lent():
+            done, finding, family, where, part = together(step, tuple(
+                (flat, *given, *index, points, frames, stretch, volumes, *self._carried(loads), memory.world(world), watch, crew)
+                for flat, index, crew in memory.workers
+            ))  # fmt: skip
+        rod, element = self.place(family, memory.where(family, int(where), part)) if finding else ("", 0)
         series = self._volumes(volumes[:done])
         if around is not None:
             series |= {name: values[:done] for name, values in around.series(world).items()}

@@ -401,7 +401,7 @@ def cord_brake(grid: AssemblyGrid) -> Any:
     def brake(b, part, share):
         # The first node is held, or slides in its plane as those of the muscles do.
         for row in velocities:
-            for k in range(max(part.node, ONE + ONE), part.behind):
+            for k in range(part.node + ONE if part.before == 0 else part.node, part.behind):
                 mean = 0.0
                 for rod in range(width, stop, width):
                     mean += b[row + rod + k]

@@ -24,6 +24,8 @@ Integers = NDArray[np.int64]
 
 APART = 16
 """Places from one count to the next: two cache lines, as processors fetch them in pairs."""
+FAR_APART = 128
+"""Numbers between what the two threads send."""
 PATIENCE = 100
 """Pauses before a thread lets others run."""
 LEFT = 2 * APART
@@ -43,6 +45,12 @@ class Crew(NamedTuple):
         How often either thread has come, and whether one has left.
     findings : (threads, 3) int64
         What the guard found in each part, in which family and where.
+    sends, takes : (n,) int64
+        Places in the buffer of what the other thread needs to know, and of what this one does, in the other's order.
+    bounds : (stages + 1,) int64
+        Where those of a stage begin.
+    mail : (2, n or more) of the buffer's kind
+        What either thread has sent.
     """
 
     part: Part
@@ -50,6 +58,10 @@ class Crew(NamedTuple):
     threads: int
     counts: Integers
     findings: Integers
+    sends: Integers
+    takes: Integers
+    bounds: Integers
+    mail: np.ndarray
 
 
 def cores() -> int:
@@ -57,27 +69,36 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def together(advance: Any, parts: tuple[Part, ...], arguments: tuple[Any, ...]) -> Any:
-    """Call ``advance(*arguments, crew)``, which begins with `meet`, in a thread for each part: one, or two.
+def crews(parts: tuple[Part, ...], kind: Any, border: tuple[Integers, Integers, Integers] | None = None) -> tuple[Crew, ...]:
+    """One for each part, of buffers of a `kind`; `border` is what they exchange: places to send and to take (parts, n), and bounds."""
+    threads, nothing = len(parts), np.zeros(0, dtype=np.int64)
+    counts, findings = np.zeros(3 * APART, dtype=np.int64), np.zeros((threads, 3), dtype=np.int64)
+    sends, takes, bounds = ([nothing] * threads, [nothing] * threads, nothing) if border is None else border
+    mail = np.zeros((2, len(sends[0]) + FAR_APART), dtype=kind)
+    return tuple(Crew(part, k, threads, counts, findings, sends[k], takes[k], bounds, mail) for k, part in enumerate(parts))
+
+
+def together(advance: Any, jobs: tuple[tuple[Any, ...], ...]) -> Any:
+    """Call ``advance(*job)``, which begins with `meet`, in a thread for each of one or two jobs, which end with their crew.
 
     The other thread lasts as long as the call. An interrupt waits for the end of the call; one that comes before it has begun leaves the
     other thread where it waits for this one, with nothing done.
     """
-    counts, findings, threads = np.zeros(3 * APART, dtype=np.int64), np.zeros((len(parts), 3), dtype=np.int64), len(parts)
-    crews = [Crew(part, number, threads, counts, findings) for number, part in enumerate(parts)]
-    if threads == 1:
-        return advance(*arguments, crews[0])
+    if len(jobs) == 1:
+        return advance(*jobs[0])
     if not advance.signatures:  # while it is being compiled nobody waits
-        advance.compile(tuple(map(typeof, (*arguments, crews[0]))))
+        advance.compile(tuple(map(typeof, jobs[0])))
+    counts = jobs[0][-1].counts
+    counts[:] = 0
 
     def leave(_: Any = None) -> None:
         counts[LEFT] = 1
 
     with ThreadPoolExecutor(1) as pool:
         try:
-            other = pool.submit(lambda: advance(*arguments, crews[1]))
+            other = pool.submit(lambda: advance(*jobs[1]))
             other.add_done_callback(leave)
-            found = advance(*arguments, crews[0])
+            found = advance(*jobs[0])
             other.result()
         except BaseException:
             leave()
@@ -145,3 +166,16 @@ def meet(crew: Crew) -> None:
             _pause()
         else:
             _yield()
+
+
+@kernel
+def exchange(b: Any, crew: Any, stage: Any) -> None:
+    """Wait for the other thread, if there is one, and take from it what this one needs to know in a stage."""
+    if crew.threads == 1:
+        return
+    begin, end, own, other = crew.bounds[stage], crew.bounds[stage + 1], crew.number, 1 - crew.number
+    for n in range(begin, end):
+        crew.mail[own, n] = b[crew.sends[n]]
+    meet(crew)
+    for n in range(begin, end):
+        b[crew.takes[n]] = crew.mail[other, n]

@@ -31,24 +31,25 @@ def outside_kernels(grid: AssemblyGrid) -> tuple[Callable[..., Any], Callable[..
     """
     o = family_offsets(grid, False)
     F, Q = tuple(o[f"F{i}"] for i in (1, 2, 3)), tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
-    rods, lanes, n = grid.straight_rods, np.uint64(grid.lanes), np.uint64(grid.rings)
+    rods, lanes = grid.straight_rods, np.uint64(grid.lanes)
 
     @kernel
     def find(b, part, outside, shares, before, after, share):
         follows = before.shape[0] > NEAR
         for c in range(3):
             for k in range(part.node, part.behind):
-                force = (1 - share) * before[FORCE, c, k - ONE] + share * after[FORCE, c, k - ONE]
+                node = k + part.before - ONE  # of the whole arm
+                force = (1 - share) * before[FORCE, c, node] + share * after[FORCE, c, node]
                 if follows:
                     for d in range(3):
-                        if k <= n:
-                            near = (1 - share) * before[NEAR, d, k - ONE] + share * after[NEAR, d, k - ONE]
+                        if k < part.last or part.behind == part.last:
+                            near = (1 - share) * before[NEAR, d, node] + share * after[NEAR, d, node]
                             force += near * b[Q[3 * d + c] + k]
-                        if k > ONE:
-                            far = (1 - share) * before[FAR, d, k - ONE - ONE] + share * after[FAR, d, k - ONE - ONE]
+                        if node > 0:
+                            far = (1 - share) * before[FAR, d, node - ONE] + share * after[FAR, d, node - ONE]
                             force += far * b[Q[3 * d + c] + k - ONE]
                 for rod in range(rods):
-                    outside[c, np.uint64(rod) * lanes + k] = shares[rod, k - ONE] * force
+                    outside[c, np.uint64(rod) * lanes + k] = shares[rod, node] * force
 
     @kernel
     def add(b, part, outside):

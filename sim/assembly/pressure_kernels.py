@@ -71,7 +71,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
         the other half, and the rings; the muscles.
     """
     o, g, t = family_offsets(grid, False), family_offsets(grid, True), slab_offsets(grid)
-    L, nodes, straight, middle = np.uint64(grid.lanes), grid.ring_nodes, np.uint64(grid.straight_rods), np.uint64(grid.middle)
+    L, nodes, straight = np.uint64(grid.lanes), grid.ring_nodes, np.uint64(grid.straight_rods)
     A1, A2, A3, E1, E2, E3, REST, BULK, VOLUME, PRESSURE = (
         t[k] for k in ("A1", "A2", "A3", "E1", "E2", "E3", "REST", "BULK", "VOLUME", "PRESSURE")
     )
@@ -197,15 +197,15 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
                 k = rod * L + i
                 n = k + ONE
                 share, a1, a2, a3 = b[SECTION + k], b[A1 + i], b[A2 + i], b[A3 + i]
-                low = 0.0 if sliding and i == ONE else b[MOBILITY + k]
+                low = 0.0 if sliding and i + part.before == ONE else b[MOBILITY + k]
                 b[SCALE + i] += share * share * (low + b[MOBILITY + n]) * (a1 * a1 + a2 * a2 + a3 * a3)
                 across = a1 * b[A1 + i + ONE] + a2 * b[A2 + i + ONE] + a3 * b[A3 + i + ONE]
                 b[COUPLING + i] -= share * b[SECTION + n] * b[MOBILITY + n] * across
-        eliminate(b, part.first, part.last, middle, zero, zero, alone)
+        eliminate(b, part.first, part.last, part.middle, zero, zero, alone)
 
     @kernel
     def deflate(b, part):
-        substitute(b, part.first, part.last, middle, zero, zero, alone)
+        substitute(b, part.first, part.last, part.middle, zero, zero, alone)
         for node in range(1, nodes + 1):
             here, (before, after) = np.uint64(node) * L, beside(node)
             for i in range(part.low, part.high):
@@ -222,7 +222,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
         for rod in range(ONE, straight):
             for i in range(part.low, part.high):
                 k, p = rod * L + i, i - ONE
-                mobility = 0.0 if sliding and i == ONE else b[MOBILITY + k]
+                mobility = 0.0 if sliding and i + part.before == ONE else b[MOBILITY + k]
                 here, before = mobility * b[SECTION + k] * b[IMPULSE + i], mobility * b[SECTION + k - ONE] * b[IMPULSE + p]
                 b[V1 + k] += before * b[A1 + p] - here * b[A1 + i]
                 b[V2 + k] += before * b[A2 + p] - here * b[A2 + i]

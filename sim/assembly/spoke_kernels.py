@@ -183,7 +183,7 @@ def share_kernels(grid: AssemblyGrid) -> Any:
         ``add_up(buffer, part)``.
     """
     o, s = family_offsets(grid, False), spoke_offsets(grid)
-    L, last, end = np.uint64(grid.lanes), np.uint64(grid.rings + 1), np.uint64(grid.straight_rods * grid.lanes)
+    L, end = np.uint64(grid.lanes), np.uint64(grid.straight_rods * grid.lanes)
     spoke, zero = np.uint64(grid.first_spoke * grid.lanes), np.uint64(0)
     V1, V2, V3, D1, D2, D3 = (o[f"{f}{i}"] for f in "VT" for i in (1, 2, 3))
     LF1, LF2, LF3, LC1, LC2, LC3, STRETCH, LENGTH = (o[k] for k in ("F1", "F2", "F3", "C1", "C2", "C3", "STRETCH", "LENGTH"))
@@ -210,10 +210,10 @@ def share_kernels(grid: AssemblyGrid) -> Any:
     @kernel
     def add_up(b, part):
         for base in range(zero, end, L):
-            if part.low == zero:
+            if part.before == zero:
                 b[E1 + base], b[E2 + base], b[E3 + base] = 0.0, 0.0, 0.0
-            if part.behind > last:
-                n = base + last
+            if part.behind > part.last:
+                n = base + part.last
                 b[E1 + n], b[E2 + n], b[E3 + n] = 0.0, 0.0, 0.0
             for k in range(base + part.node, base + part.behind):
                 b[LF1 + k], b[LF2 + k], b[LF3 + k] = b[E1 + k] + b[E1 + k - ONE], b[E2 + k] + b[E2 + k - ONE], b[E3 + k] + b[E3 + k - ONE]

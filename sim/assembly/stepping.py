@@ -16,11 +16,11 @@ from ..contact.near_kernels import MOVES, SINKS
 from ..contact.note_kernels import note
 from .contact_kernels import LOOK
 from .family_kernels import family_kernels, family_offsets, position_kernels
-from .meeting_kernels import LEFT, meet
+from .meeting_kernels import LEFT, exchange, meet
 from .outside_kernels import outside_kernels
 from .parts import sweep, sweep_open
 from .pressure_kernels import pressure_kernels, slab_offsets
-from .terms import Phases, Step, Terms
+from .terms import Phase, Phases, Step
 
 ONE = np.uint64(1)
 FINE, STRETCHED, NOT_A_NUMBER, FAST, SUNK = 0, 1, 3, 4, 7
@@ -31,8 +31,15 @@ SPEED_LIMIT = 10.0
 """Fastest velocity component (m/s) that can be meant: the strike of a squid, the fastest of its kind, reaches 3 m/s."""
 
 
+@kernel
+def _nothing(b: Any, share: Any, step: Any, where: Any) -> None:
+    pass
+
+
 def in_order(terms: list[Any]) -> Any:
     """One kernel ``(buffer, share, step, where)`` that goes through `terms`."""
+    if not terms:
+        return _nothing
     if len(terms) == 1:
         return terms[0]
     half = len(terms) // 2
@@ -46,16 +53,21 @@ def in_order(terms: list[Any]) -> Any:
     return both
 
 
-def phase_of(terms: Terms) -> Any:
-    """One kernel ``(buffer, share, step, crew)`` that does the terms of a phase on a thread's part, when all have met."""
-    work = in_order(list(terms.values()))
+def phase_of(phase: Phase) -> Any:
+    """One kernel ``(buffer, share, step, crew)`` that does the terms of a phase on a thread's part, when it knows what they read."""
+    stage, exchanges, alone, work = int(phase.stage or 0), phase.stage is not None, phase.alone, in_order(list(phase.terms.values()))
 
     @kernel
-    def phase(b: Any, share: Any, step: Any, crew: Any) -> None:
-        meet(crew)
+    def do(b: Any, share: Any, step: Any, crew: Any) -> None:
+        if exchanges:
+            exchange(b, crew, stage)
+        if alone:
+            meet(crew)
         work(b, share, step, crew.part)
+        if alone:
+            meet(crew)
 
-    return phase
+    return do
 
 
 def mover(grid: AssemblyGrid) -> Any:
@@ -83,14 +95,14 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
         which each straight rod carries its `shares` (straight rods, N + 1); for the others see `Step`; `watch` asks for the guard at
         every step; `crew` is the `octoctrl.sim.assembly.meeting_kernels.Crew` of the thread. Of loads and bodies nothing is compiled where
         there are none. Fills the cord's nodes, frames and stretch and the slabs' volumes, (samples, N), of its part; returns ``(samples
-        done, finding, family, index in row)``, the same in all threads.
+        done, finding, family, index in row, part)``, the same in all threads.
     """
     o, g = family_offsets(grid, False), family_offsets(grid, True)
     lanes, ring_nodes, helices = grid.lanes, grid.ring_nodes, grid.helices
     nodes = np.uint64(ring_nodes + 1)
     straight, helix_slots = grid.straight_rods, grid.helix_nodes
     left = helices // 2
-    L = np.uint64(lanes)
+    L, wide = np.uint64(lanes), np.uint64(helix_slots)
     BEFORE, AFTER, RING_BEFORE, RING_AFTER = (table[k] for table in (o, g) for k in ("LEVEL_BEFORE", "LEVEL_AFTER"))
     X, Q = tuple(o[f"X{i}"] for i in (1, 2, 3)), tuple(o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     V, RING_V = tuple(o[f"V{i}"] for i in (1, 2, 3)), tuple(g[f"V{i}"] for i in (1, 2, 3))
@@ -109,14 +121,14 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
     def set_levels(b: Any, part: Any, row: Any, ring_row: Any, longitudinal: Any, oblique: Any, transverse: Any) -> None:
         for m in range(straight):
             for i in range(part.first, part.last):
-                b[row + np.uint64(m) * L + i] = longitudinal[m, i - ONE]
+                b[row + np.uint64(m) * L + i] = longitudinal[m, i + part.before - ONE]
         for j in range(helices):
             for e in range(part.helix_first, part.helix_last):
                 # The first helices are left-handed: the second family.
-                b[row + np.uint64(straight + helix_slots * j) * L + e] = oblique[1 if j < left else 0, e - ONE]
+                b[row + np.uint64(straight + helix_slots * j) * L + e] = oblique[1 if j < left else 0, e + wide * part.before - ONE]
         for node in range(1, ring_nodes + 1):
             for i in range(part.first, part.last):
-                b[ring_row + np.uint64(node) * L + i] = transverse[i - ONE]
+                b[ring_row + np.uint64(node) * L + i] = transverse[i + part.before - ONE]
 
     @kernel
     def fast(b: Any, first: Any, last: Any, rows: Any) -> Any:
@@ -135,19 +147,19 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
         for rod in range(straight + helices):
             wide = np.uint64(1 if rod < straight else helix_slots)
             start = np.uint64(rod if rod < straight else straight + helix_slots * (rod - straight)) * L
-            end = start + wide * part.high
-            k = fast(b, start + wide * part.low, end, V)
+            end = start + wide * part.stop
+            k = fast(b, start + wide * part.start, end, V)
             if k < end:
                 return FAST, 0, k
         for node in range(ONE, nodes):
-            end = node * L + part.high
-            k = fast(b, node * L + part.low, end, RING_V)
+            end = node * L + part.stop
+            k = fast(b, node * L + part.start, end, RING_V)
             if k < end:
                 return FAST, 1, k
         for rod in range(straight + helices):
             wide = np.uint64(1 if rod < straight else helix_slots)
             start = np.uint64(rod if rod < straight else straight + helix_slots * (rod - straight)) * L
-            for k in range(start + wide * part.low, start + wide * part.high):
+            for k in range(start + wide * part.start, start + wide * part.stop):
                 if not np.isfinite(b[X[0] + k] + b[X[1] + k] + b[X[2] + k]):
                     return NOT_A_NUMBER, 0, k
         for rod in range(straight + helices):
@@ -157,7 +169,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
                 if stretched(b, STRETCH + k):
                     return STRETCHED, 0, k
         for node in range(ONE, nodes):
-            for k in range(node * L + part.low, node * L + part.high):
+            for k in range(node * L + part.start, node * L + part.stop):
                 if not np.isfinite(b[RING_X + k]):
                     return NOT_A_NUMBER, 1, k
                 if stretched(b, RING_STRETCH + k):
@@ -166,7 +178,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
 
     @kernel
     def worst_of(b: Any, crew: Any) -> Any:
-        """What the guard found in all parts: speed first, then what is nearest to the base."""
+        """What the guard found in all parts, and in which: speed first, then what is nearest to the base."""
         findings, number = crew.findings, crew.number
         findings[number, 0], findings[number, 1], findings[number, 2] = guard(b, crew.part)
         meet(crew)
@@ -175,22 +187,24 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
             found = findings[number, 0]
             if found != FINE and (findings[worst, 0] == FINE or (found == FAST and findings[worst, 0] != FAST)):
                 worst = number
-        return findings[worst, 0], findings[worst, 1], findings[worst, 2]
+        return findings[worst, 0], findings[worst, 1], findings[worst, 2], worst
 
     @kernel
     def record(b: Any, part: Any, points: Any, frames: Any, stretch: Any, volumes: Any) -> None:
         for k in range(part.node, part.behind):
+            node = k + part.before - ONE
             for c in range(3):
-                points[k - ONE, c] = b[X[c] + k]
+                points[node, c] = b[X[c] + k]
                 if single:
-                    points[k - ONE, c] += b[LOW[c] + k]
+                    points[node, c] += b[LOW[c] + k]
         measure(b, part)
         for k in range(part.first, part.last):
+            element = k + part.before - ONE
             for c in range(9):
-                frames[k - ONE, c // 3, c % 3] = b[Q[c] + k]
+                frames[element, c // 3, c % 3] = b[Q[c] + k]
             d1, d2, d3 = apart(b, k + ONE, k)
-            stretch[k - ONE] = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3) / b[LENGTH + k]
-            volumes[k - ONE] = b[VOLUME + k]
+            stretch[element] = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3) / b[LENGTH + k]
+            volumes[element] = b[VOLUME + k]
 
     @kernel
     def advance(
@@ -217,7 +231,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
     ) -> Any:  # fmt: skip
         meet(crew)
         if crew.counts[LEFT]:
-            return 0, FINE, 0, 0
+            return 0, FINE, 0, 0, 0
         step, part = Step(h, laws, drag, ring_index, helix_index, outside, world), crew.part
         for sample in range(points.shape[0]):
             set_levels(b, part, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
@@ -226,34 +240,32 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
             if touching and crew.number == 0 and any_moves(world.bodies):
                 drift_bodies(world.bodies, np.float64(0.5 * h))
             for number in range(steps):
-                if loaded or touching:
+                if touching and number % LOOK == 0:
                     meet(crew)
-                if touching and crew.number == 0 and number % LOOK == 0:
-                    look(b, world, np.float64(LOOK * h))
+                    if crew.number == 0:
+                        look(b, world, np.float64(LOOK * h))
                 if loaded:
                     find(b, part, outside, shares, loads[sample], loads[sample + 1], (number + 0.5) / steps)
                 force(b, real((number + 0.5) / steps), step, crew)
-                if touching:
-                    meet(crew)
                 move(b, part, h if number + 1 < steps else 0.5 * h)
                 if touching and crew.number == 0 and world.seen[MOVES]:
                     drift_bodies(world.bodies, np.float64(h if number + 1 < steps else 0.5 * h))
                 if watch:
-                    finding, family, where = worst_of(b, crew)
+                    finding, family, where, half = worst_of(b, crew)
                     if finding != FINE:
-                        return sample, finding, family, where
+                        return sample, finding, family, where, half
             if touching and crew.number == 0:
                 note(world, sample, np.float64(h), steps)
-            finding, family, where = worst_of(b, crew)
+            finding, family, where, half = worst_of(b, crew)
             if finding != FINE:
-                return sample, finding, family, where
+                return sample, finding, family, where, half
             if single:
                 straighten(b, part)
                 straighten_rings(b, part)
             record(b, part, points[sample], frames[sample], stretch[sample], volumes[sample])
             meet(crew)
             if touching and world.seen[SINKS]:
-                return sample + 1, SUNK, 0, ONE
-        return points.shape[0], FINE, 0, 0
+                return sample + 1, SUNK, 0, ONE, 0
+        return points.shape[0], FINE, 0, 0, 0
 
     return advance

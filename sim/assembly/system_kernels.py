@@ -29,9 +29,9 @@ def two_ended(rows: dict[str, np.uint64], coupling: str) -> tuple[Any, Any]:
     Returns
     -------
     eliminate, substitute : compiled functions
-        Of ``(buffer, first, last, middle, start, jump, count)``: the unknowns of a part, from 1 to the last and next to it, the first
+        Of ``(buffer, first, last, middle, start, jump, count)``: the first unknown of a part and that behind its last, the first
         unknown above the middle, the place before the first unknown in the first system, and the distance to the next, of so many.
-        Between the two all parts must have been eliminated.
+        Between the two all parts must have been eliminated, and know what that has left of the unknown beside the middle.
     """
     SCALE, IMPULSE, REDUCED, COUPLING = (rows[name] for name in ("SCALE", "IMPULSE", "RATE", coupling))
 
@@ -44,8 +44,8 @@ def two_ended(rows: dict[str, np.uint64], coupling: str) -> tuple[Any, Any]:
         # Systems in the inner loop: their chains of divisions run side by side in the processor.
         for system in range(count):
             place = start + np.uint64(system) * jump
-            if first == ONE:
-                close(b, place)
+            if first < middle:
+                close(b, place + first - ONE)
             if last > middle:
                 close(b, place + last)
                 b[COUPLING + place + last - ONE] = 0.0
@@ -56,15 +56,15 @@ def two_ended(rows: dict[str, np.uint64], coupling: str) -> tuple[Any, Any]:
                 scale = 1.0 / (b[SCALE + k] - coupling * coupling * b[SCALE + k - ONE])
                 b[SCALE + k], b[REDUCED + k] = scale, scale * (b[IMPULSE + k] - coupling * b[REDUCED + k - ONE])
                 k += jump
-        e = last - ONE
-        while e >= max(first, middle):
+        e = last
+        while e > max(first, middle):
+            e -= ONE
             k = start + e
             for _ in range(count):
                 coupling = b[COUPLING + k]
                 scale = 1.0 / (b[SCALE + k] - coupling * coupling * b[SCALE + k + ONE])
                 b[SCALE + k], b[REDUCED + k] = scale, scale * (b[IMPULSE + k] - coupling * b[REDUCED + k + ONE])
                 k += jump
-            e -= ONE
 
     @kernel
     def substitute(b: Any, first: Any, last: Any, middle: Any, start: Any, jump: Any, count: Any) -> None:
@@ -78,13 +78,13 @@ def two_ended(rows: dict[str, np.uint64], coupling: str) -> tuple[Any, Any]:
             if last > middle:
                 b[IMPULSE + n] = share * (b[REDUCED + n] - there * b[REDUCED + k])
             k += jump
-        e = min(last, middle - ONE) - ONE
-        while e >= first:
+        e = min(last, middle - ONE)
+        while e > first:
+            e -= ONE
             k = start + e
             for _ in range(count):
                 b[IMPULSE + k] = b[REDUCED + k] - b[SCALE + k] * b[COUPLING + k] * b[IMPULSE + k + ONE]
                 k += jump
-            e -= ONE
         for e in range(max(first, middle + ONE), last):
             k = start + e
             for _ in range(count):

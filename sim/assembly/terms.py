@@ -4,9 +4,9 @@ A term is a compiled ``term(buffer, share, step, part)``, with `share` how much 
 works on a part of the arm (`octoctrl.sim.assembly.parts`). Forces are collected first, then velocities change; positions are moved between
 steps, by `octoctrl.sim.assembly.stepping`.
 
-Terms stand in phases. Where one reads of the neighbouring cross-section what another has written, all parts have to meet between them,
-so that it stands in a later phase; what goes on under one name with ``, `` behind is one law in stages. A term that is not made for parts
-is one `on_its_own`, in a phase of its own.
+Terms stand in phases. Where one reads of the neighbouring cross-section what another has written, parts have to exchange it between them,
+so that it stands in a later phase, which says what it reads (`octoctrl.sim.assembly.halves.Stage`); what goes on under one name with ``, ``
+behind is one law in stages. A term that is not made for parts is one `on_its_own`, in a phase of its own.
 """
 
 from collections.abc import Callable
@@ -24,6 +24,7 @@ from .between_kernels import between_kernels
 from .contact_kernels import contact_kernels
 from .crossing_kernels import crossing_kernels
 from .family_kernels import cord_brake, family_kernels, family_offsets, ring_solver, ring_spin_brake
+from .halves import Stage
 from .joint_kernels import RESULTS, load_kernels, ring_joints
 from .outside_kernels import outside_kernels
 from .parts import sweep, sweep_open
@@ -48,9 +49,26 @@ CORD_SLIP_RATE = 300.0
 Terms = dict[str, Any]
 """Compiled terms by name, in the order of a phase."""
 
-Phases = tuple[Terms, ...]
-"""What is done in a step; between two all parts meet."""
 
+class Phase(NamedTuple):
+    """Terms between which parts of the arm exchange nothing.
+
+    Attributes
+    ----------
+    terms : Terms
+    stage : Stage or None
+        What they read of the other part, if there is anything.
+    alone : bool
+        Whether one thread does them for all parts, while the other waits.
+    """
+
+    terms: Terms
+    stage: Stage | None = None
+    alone: bool = False
+
+
+Phases = tuple[Phase, ...]
+"""What is done in a step; the last does nothing but to exchange what movement needs."""
 
 NOTHING = np.zeros((3, 1))
 """Forces of no loads."""
@@ -85,7 +103,7 @@ class Step(NamedTuple):
 
 def by_name(phases: Phases) -> Terms:
     """All terms of a step."""
-    return {name: term for phase in phases for name, term in phase.items()}
+    return {name: term for phase in phases for name, term in phase.terms.items()}
 
 
 def on_its_own(term: Any) -> Any:
@@ -93,7 +111,7 @@ def on_its_own(term: Any) -> Any:
 
     @kernel
     def alone(b: Any, share: Any, step: Any, part: Any) -> None:
-        if part.node == ONE:
+        if part.before == 0:
             term(b, share, step)
 
     return alone
@@ -168,39 +186,43 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, to
         settle(b, part)
 
     slide, (touch, follow) = _slide(grid, traits), _touched(grid, touching)
+    first = {
+        "strains": strains,
+        "crossings": crossings,
+        "sides": sides,
+        "ring connections": ring_connections,
+        "contacts": contacts,
+        "sums": sums,
+    }
+    forces = {
+        "strains, bending": bending,
+        "crossings, helices": on_helices,
+        "ring connections, slip": ring_slip,
+        "sums, nodes": on_nodes,
+        "pressure": pressure,
+        **_loads(grid, loaded),
+    }
+    velocities = {
+        "ring spin": _ring_spin(grid, rings),
+        "kick": _kick(grid, rods, rings, family_kernels(grid, False, plain=True)["spin"]),
+        **slide("slide"),
+        "brakes": brakes,
+    }
     phases: Phases = (
-        {
-            "strains": strains,
-            "crossings": crossings,
-            "sides": sides,
-            "ring connections": ring_connections,
-            "contacts": contacts,
-            "sums": sums,
-        },
-        {
-            "strains, bending": bending,
-            "crossings, helices": on_helices,
-            "ring connections, slip": ring_slip,
-            "sums, nodes": on_nodes,
-            "pressure": pressure,
-            **_loads(grid, loaded),
-        },
-        {
-            "ring spin": _ring_spin(grid, rings),
-            "kick": _kick(grid, rods, rings, family_kernels(grid, False, plain=True)["spin"]),
-            **slide("slide"),
-            "brakes": brakes,
-        },
-        touch,
-        {"axial": relax, "smooth": smooth, "hold": hold_rings},
-        {"axial, outward": outward},
-        {"axial, speeds": pull},
-        {"project": project},
-        {"project, rings": project_rings},
-        {"project, muscles": project_muscles, **slide("slide again")},
-        follow,
+        Phase(first),
+        Phase(forces, Stage.FORCES),
+        Phase(velocities, Stage.VELOCITIES),
+        Phase(touch, alone=True),
+        Phase({"axial": relax, "smooth": smooth, "hold": hold_rings}, Stage.AXIAL),
+        Phase({"axial, outward": outward}, Stage.OUTWARD),
+        Phase({"axial, speeds": pull}, Stage.SPEEDS),
+        Phase({"project": project}, Stage.PROJECT),
+        Phase({"project, rings": project_rings}, Stage.RINGS),
+        Phase({"project, muscles": project_muscles, **slide("slide again")}, Stage.MUSCLES),
+        Phase(follow, alone=True),
+        Phase({}, Stage.MOTION),
     )
-    return tuple(phase for phase in phases if phase)
+    return tuple(phase for phase in phases if phase.terms or phase.stage is not None)
 
 
 def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, loaded: bool = False, touching: bool = False) -> Phases:
@@ -262,7 +284,7 @@ def published_terms(grid: AssemblyGrid, traits: Traits, inclination: float, load
         **_slide(grid, traits)("slide"),
         "smooth": smooth,
     }
-    return (terms,)
+    return (Phase(terms),)
 
 
 def _loads(grid: AssemblyGrid, loaded: bool) -> Terms:
@@ -417,17 +439,15 @@ def _axial(grid: AssemblyGrid, rods: Any, rings: Any) -> tuple[Any, Any, Any, An
     ring_solve, _, _, _, close_speed = ring_solver(grid)
     eliminate, substitute = two_ended(family_offsets(grid, False), "CORRECTION")
     straight, helices = grid.straight_rods, grid.helices
-    none, jump, middle = (np.uint64(value) for value in (0, grid.lanes, grid.middle))
-    start, wide, helix_middle = (
-        np.uint64(value) for value in (straight * grid.lanes, grid.helix_nodes * grid.lanes, grid.helix_nodes * grid.middle)
-    )
+    none, jump, nodes = (np.uint64(value) for value in (0, grid.lanes, grid.helix_nodes))
+    start, wide = np.uint64(straight * grid.lanes), np.uint64(grid.helix_nodes * grid.lanes)
 
     @kernel
     def relax(b: Any, share: Any, step: Any, part: Any) -> None:
         close_speed(b, part)
         axial(b, part)
-        eliminate(b, part.first, part.last, middle, none, jump, straight)
-        eliminate(b, part.helix_first, part.helix_last, helix_middle, start, wide, helices)
+        eliminate(b, part.first, part.last, part.middle, none, jump, straight)
+        eliminate(b, part.helix_first, part.helix_last, nodes * part.middle, start, wide, helices)
         ring_axial(b, part)
         ring_solve(b, part)
         ring_correct(b, part)
@@ -443,8 +463,8 @@ def _axial(grid: AssemblyGrid, rods: Any, rings: Any) -> tuple[Any, Any, Any, An
 
     @kernel
     def outward(b: Any, share: Any, step: Any, part: Any) -> None:
-        substitute(b, part.first, part.last, middle, none, jump, straight)
-        substitute(b, part.helix_first, part.helix_last, helix_middle, start, wide, helices)
+        substitute(b, part.first, part.last, part.middle, none, jump, straight)
+        substitute(b, part.helix_first, part.helix_last, nodes * part.middle, start, wide, helices)
 
     @kernel
     def pull(b: Any, share: Any, step: Any, part: Any) -> None:

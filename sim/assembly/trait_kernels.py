@@ -23,7 +23,7 @@ def sliding_base(grid: AssemblyGrid) -> Any:
 
     @kernel
     def slide(b, part):
-        if part.node == ONE:
+        if part.before == 0:
             for node in nodes:
                 b[V2 + node] = 0.0
 

@@ -1,11 +1,11 @@
 """Counts of an assembly of rods: rings, their nodes, longitudinal muscles and helices."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral
 
 from ..errors import OctoctrlError
 
-LARGEST_COUNT = 400
+LEAST_RINGS, LARGEST_COUNT = 8, 400
 LANES = 16
 """Lanes come in so many: a cache line in single precision, and what the processor goes through at once in either."""
 
@@ -51,7 +51,7 @@ class AssemblyGrid:
     def __post_init__(self) -> None:
         for name, step in (("rings", 1), ("spokes", 4), ("helices", 2), ("helix_nodes", 2), ("ring_nodes", self.spokes)):
             value = getattr(self, name)
-            least, most = (8, LARGEST_COUNT) if name == "rings" else (step, 96)
+            least, most = (LEAST_RINGS, LARGEST_COUNT) if name == "rings" else (step, 96)
             if not isinstance(value, Integral) or value % step or not least <= int(value) <= most:
                 raise OctoctrlError(f"{name}={value}: a grid needs a multiple of {step} from {least} to {most}")
         if self.ring_nodes % (self.helices // 2):
@@ -64,9 +64,13 @@ class AssemblyGrid:
 
     @property
     def middle(self) -> int:
-        """Lane where the second half of the arm begins: if there are so many rings, with a cache line, which no half shares."""
-        line = self.lanes // 2 // LANES * LANES
-        return line if 0 < line < self.rings else self.rings // 2
+        """Lane where the second half of the arm begins."""
+        return self.rings // 2 + 1
+
+    @property
+    def half(self) -> "AssemblyGrid":
+        """Room for the larger half of the arm."""
+        return replace(self, rings=max(self.rings - self.rings // 2, LEAST_RINGS))
 
     @property
     def straight_rods(self) -> int:
