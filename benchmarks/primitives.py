@@ -60,7 +60,7 @@ def measured(plant, volume):
 
 def contraction(groups, level, duration=DURATION, scene=None):
     """A plant under one group at one level, with its measures every `PIECE` seconds; stops where the arm does."""
-    plant = make_plant("assembly", scene=scene)
+    plant = make_plant("assembly-mixed", scene=scene)
     volume, activation = plant.core.volume(), Activation(templates=(Plateau(groups=groups, level=level, rise=RISE),))
     history = [{"time": 0.0} | measured(plant, volume)]
     try:
@@ -99,7 +99,7 @@ def picture(runs, path):
     import matplotlib.pyplot as plt
     from matplotlib.collections import LineCollection
 
-    shown = [("rest", "", 0.3, make_plant("assembly"), None), *(run for run in runs if run[2] == 0.3)]
+    shown = [("rest", "", 0.3, make_plant("assembly-mixed"), None), *(run for run in runs if run[2] == 0.3)]
     figure = plt.figure(figsize=(11, 7.5), layout="constrained")
     above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1))
     for axes, (name, label, level, plant, _) in zip(above.subplots(1, len(shown), sharey=True), shown, strict=True):
