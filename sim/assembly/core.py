@@ -207,6 +207,7 @@ class AssemblyCore:
         """Set all that depends on the step."""
         self._h = clock.step
         fill_parameters(self.rods, self.arm, self.geometry, clock.step, self.scene.water, published=self.paper_compatible)
+        self._memory.renew()
 
     def rest(self) -> None:
         """Put the arm to rest, straight along +y."""
@@ -426,6 +427,7 @@ class AssemblyCore:
     def restore(self, state: State) -> None:
         """Write back what `state` returned, and clear what a diverged step may have left."""
         self.rods.restore((state["open_rods"], state["rings"]))
+        self._memory.renew()
         if self._around is not None:
             self._around.restore(state)
 

@@ -19,7 +19,7 @@ from .buffer import AssemblyBuffer, aligned, buffer_in
 from .crossing_kernels import crossing_offsets
 from .family_kernels import family_offsets
 from .geometry import AssemblyGeometry
-from .layout import AssemblyRow
+from .layout import SINGLE_STATE_ROWS, AssemblyRow
 from .meeting_kernels import crews
 from .parts import family_slots, halves, whole
 from .pressure_kernels import buffer_size, slab_offsets
@@ -91,6 +91,10 @@ def _border(grid: AssemblyGrid, middle: int) -> tuple[Integers, Integers, Intege
     return np.stack([last, first]), np.stack([beside, border]), bounds
 
 
+RODS = 3
+"""Families with a state: straight rods, helices, rings."""
+
+
 class OneMemory:
     """The buffer of an arm as one thread works on it.
 
@@ -110,6 +114,9 @@ class OneMemory:
     def __reduce__(self) -> tuple[Any, ...]:
         """Made anew, for the arm's buffer is where it is copied to."""
         return type(self), (self._rods,)
+
+    def renew(self) -> None:
+        """Take up what has changed in the arm beside its state."""
 
     @contextmanager
     def lent(self) -> Iterator[None]:
@@ -152,23 +159,30 @@ class Halves:
         """Made anew, for the arm's buffer is where it is copied to."""
         return type(self), (self._rods, self._geometry)
 
-    @contextmanager
-    def lent(self) -> Iterator[None]:
-        """What is done within to the halves is done to the arm."""
+    def renew(self) -> None:
+        """Take up all of the arm: its parameters, and scratch without what a step that went wrong may have left there."""
         for whole_arm, half, _ in self._shared():
             count = min(whole_arm.shape[-1], half.shape[-1])
             half[..., :count] = whole_arm[..., :count]
         for buffer, crew in zip(self.buffers, self._crews, strict=True):
             _keep_still(buffer, int(crew.part.start), int(crew.part.stop))
+
+    @contextmanager
+    def lent(self) -> Iterator[None]:
+        """What is done within to the halves is done to the arm; they begin with its state."""
+        for whole_arm, half, _ in self._shared(state=True):
+            count = min(whole_arm.shape[-1], half.shape[-1])
+            half[:SINGLE_STATE_ROWS, :, :count] = whole_arm[:SINGLE_STATE_ROWS, :, :count]
         yield
         for whole_arm, half, own in self._shared():
             whole_arm[..., own] = half[..., own]
 
-    def _shared(self) -> Iterator[tuple[Any, Any, slice]]:
+    def _shared(self, state: bool = False) -> Iterator[tuple[Any, Any, slice]]:
         """By family: arrays (rows, slots, lanes) of the arm, from a half's first lane on, and of the half, and the lanes of its own."""
         for buffer, crew in zip(self.buffers, self._crews, strict=True):
             part = crew.part
-            for (whole_arm, wide), (half, _) in zip(_families(self._rods), _families(buffer), strict=True):
+            pairs = list(zip(_families(self._rods), _families(buffer), strict=True))
+            for (whole_arm, wide), (half, _) in pairs[:RODS] if state else pairs:
                 yield whole_arm[..., wide * int(part.before) :], half, slice(wide * int(part.start), wide * int(part.stop))
 
     def world(self, world: Any) -> Any:
