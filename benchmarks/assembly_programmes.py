@@ -2,7 +2,7 @@
 
 Run with ``python benchmarks/assembly_programmes.py`` (coarse rings, four minutes); names of programmes choose among them, and the name of
 a plant another one; the rod gets even elements, of which a narrow front needs many. Prints how far each came, the samples done at a part of
-the step, volume, and the way of the bend, by two measures: the packet, the centroid of (r |k|)^4 of the cord, and
+the step, volume, and the way of the bend, by two measures: the packet, the centroid of |k|^4 with the curvature k over 30 mm, and
 what is bent most (the study's, of largest |k|), which jumps from hump to hump. Speeds are those in the laboratory, over 50 ms.
 """
 
@@ -20,8 +20,8 @@ from octoctrl.sim.topology.measures import twist, writhe
 NAMES = ("fig3a", "fig3b", "fig3c")
 RELEASED, FROM, BACK = 3.1, 0.080, 0.005
 """When the bend is let go (s), the place (m) from which on its way is looked at, and how far (m) it goes back when it is at its end."""
-OVER, POINTS, REACH, POWER = 0.05, 401, 6e-3, 4
-"""Window of speeds (s), even points along the arm, distance (m) on either side over which it turns, power of the bending strain."""
+OVER, POINTS, REACH, POWER = 0.05, 401, 15e-3, 4
+"""Window of speeds (s), even points along the arm, distance (m) on either side over which it turns, power of that curvature."""
 BEFORE = 0.03
 """Length (m) at the base that no bend leaves."""
 ROD = {"elements": 240, "grading": 0.0}
@@ -39,8 +39,8 @@ def bend(recording, arm, edges):
     unit, wide = np.diff(line, axis=1), round(REACH / stations[1])
     unit /= np.linalg.norm(unit, axis=2, keepdims=True)
     turn, middle = np.linalg.norm(unit[:, 2 * wide :] - unit[:, : -2 * wide], axis=2), stations[wide : POINTS - 1 - wide] + stations[1] / 2
-    strain = (arm.section(middle).outline * turn) ** POWER * (middle > BEFORE) + 1e-30
-    places = strain @ middle / strain.sum(axis=1), middle[turn.argmax(axis=1)]
+    weight = turn**POWER * (middle > BEFORE) + 1e-30
+    places = weight @ middle / weight.sum(axis=1), middle[turn.argmax(axis=1)]
     return [(place, at(place, stations, line)) for place in places]
 
 
