@@ -29,6 +29,8 @@ END, SMOOTH, NEAR, OVER, HELD = 0.075 * ARM.length, 0.05 * ARM.length, 0.15 * AR
 bend is held first, s."""
 WATERS = {"figure 3": tasks.programme("fig3a").scene, "usual": oc.Scene()}
 WINDOW = (0.0, 0.989 * ARM.length)
+STRONG = ["task.drives.pulse.settings.level=0.4", "task.drives.pulse.free=['speed']"]
+"""A packet of bending strain 0.3."""
 CARRIED = (0.1 * ARM.length, 0.989 * ARM.length)
 
 
@@ -50,7 +52,7 @@ def greatest(places, field):
     at = places[smooth.argmax(axis=1)]
     for _ in range(8):
         share = smooth**2 * np.clip(1 - ((places - at[:, None]) / NEAR) ** 2, 0.0, None)
-        at = (share @ places) / share.sum(axis=1)
+        at = (share @ places) / np.maximum(share.sum(axis=1), 1e-300)
     return at, np.array([np.interp(place, places, row) for place, row in zip(at, smooth, strict=True)])
 
 
@@ -119,7 +121,7 @@ def packet(plant):
     print(f"packet on {plant}: speeds in cm/s")
     for water, scene in WATERS.items():
         for speed in (0.05, 0.1, 0.2):
-            wave = oc.BendWave(level=0.3, speed=speed, width=5e-3, offset=0.04 / speed, window=WINDOW)
+            wave = oc.BendWave(level=0.25, speed=speed, width=5e-3, offset=0.04 / speed, window=WINDOW)
             recording, along, strength, way = travelling(plant, [wave], speed, scene)
             slope, _ = np.polyfit(recording.time[way], along[way], 1)
             most = max(abs(writhe(points)) for points in recording.points[way][::5])
@@ -150,10 +152,14 @@ def corkscrew(plant):
 
 def held(plant):
     print(f"goals that are held or read off bends, on {plant}: misses without feedback and with it")
-    for name in ("tip", "packet", "lm-helix"):
-        configuration = tasks.load(name, overrides=[f"run.plant={plant}"])
+    for name, changes in (("tip", []), ("lm-helix", []), ("packet", []), ("packet", STRONG)):
+        configuration = tasks.load(name, overrides=[f"run.plant={plant}", *changes])
         plan = oc.plan(configuration)
-        checks = [oc.verify(oc.execute(plan, feedback=kind, allow_unsolved=True)).checks for kind in ("open-loop", "tvlqr")]
+        runs = [oc.execute(plan, feedback=kind, allow_unsolved=True) for kind in ("open-loop", "tvlqr")]
+        checks = [oc.verify(run).checks for run in runs]
+        if name == "packet":
+            strength = packet_of(runs[0].recording, ARM).amplitude[runs[0].recording.time > plan.phase_begins["middle"]]
+            print(f"  {name}, bending strain {strength.min():.2f} to {strength.max():.2f}:")
         asked = {f"{phase.name}.{goal.quantity}" for phase in plan.task.phases for goal in phase.goals}
         for without, with_it in zip(*checks, strict=True):
             if without.name in asked:
