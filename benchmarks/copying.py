@@ -36,7 +36,7 @@ def main(plants):
     centreline = read_centreline(TABLE)
     for plant in plants or ["rod"]:
         begin = time.process_time()
-        plan = oc.plan(tasks.load("copy", overrides=[f"run.plant={plant}"]))
+        plan = oc.plan(tasks.load("copy", overrides=[f"run.plant={plant}"]), time_limit=600.0)
         print(f"copy, planned for {plant} in {time.process_time() - begin:.1f} processor s: {plan.status.value}", flush=True)
         for feedback in ("open-loop", "tvlqr"):
             run = oc.execute(plan, feedback=feedback, allow_unsolved=True)
