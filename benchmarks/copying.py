@@ -13,6 +13,7 @@ import numpy as np
 import octoctrl as oc
 from octoctrl import tasks
 from octoctrl.files.centreline import read_centreline
+from octoctrl.planners.asking.goals.shape import nodes
 
 TABLE = Path(tasks.__file__).parent / "library" / "copy.csv"
 
@@ -21,10 +22,9 @@ def off(run, centreline, pole):
     """Root mean square distance over points and instants, in arm lengths; rms and largest error of lifted writhe, turns."""
     times = centreline.time[centreline.time <= run.recording.time[-1] + 1e-9]
     shares = np.linspace(0.0, run.plan.arm.length, centreline.points.shape[1])
-    away = []
+    away, edges = [], nodes(run.recording.stations)
     for instant, wanted in zip(times, centreline.points, strict=False):
         points = run.recording.points[np.argmin(np.abs(run.recording.time - instant))]
-        edges = np.interp(np.linspace(0, 1, len(points)), np.linspace(0, 1, len(run.plan.arm.edges)), run.plan.arm.edges)
         away.append(np.stack([np.interp(shares, edges, axis) for axis in points.T], axis=1) - wanted)
     trace = oc.topology_of(centreline, pole=pole).trace
     writhe = np.interp(times, run.trace.time, run.trace.lifted_writhe) - np.interp(times, trace.time, trace.lifted_writhe)
