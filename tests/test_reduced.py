@@ -10,8 +10,9 @@ import pytest
 
 from octoctrl.planners.model.drag import SLOWEST, element_edges
 from octoctrl.planners.model.drag_kernels import drag_impulse, drag_tangent, set_shape
+from octoctrl.planners.model.drag_slope_kernels import impulse_along, set_shape_slopes
 from octoctrl.planners.model.dynamics import residual, statics
-from octoctrl.planners.model.fibre_kernels import section_residual, section_tangent
+from octoctrl.planners.model.fibre_kernels import fibre_room, section_impulse, section_slopes, set_fibres
 from octoctrl.planners.model.kinematics import BASE_FRAME, hat_means, hat_values, rotation_vectors, rotations
 from octoctrl.planners.model.output_kernels import OUTPUTS
 from octoctrl.planners.model.parameters import FACTORS
@@ -157,18 +158,20 @@ def dense_section(model, index, q, rate, levels):
 
 def compiled_drag(model, strains, motion, h):
     """Impulse (S, 4) and tangent (4 S, 4 S) of the water in a step."""
-    step, room = model.step_model, buffers(model.sections, len(model.step_model.elements.first), 11, 0)
+    step, room = model.step_model, buffers(model.step_model, 11, 0)
     set_shape(strains, step.elements, room.shape)
     drag_impulse(motion, h, step.elements, room.shape, room.residual)
-    drag_tangent(h, step.elements, room.shape, room.jacobian, room.wrench, room.tangent)
+    drag_tangent(h, step.elements, room.shape, room.tangent)
     return room.residual, room.tangent
 
 
 def compiled_section(model, index, q, motion, levels, h):
     """Impulse (4,) and tangent (4, 4) of the fibres of a section in a step."""
-    step, impulse, tangent = model.step_model, np.empty(4), np.empty((4, 4))
-    for function, out in ((section_residual, impulse), (section_tangent, tangent)):
-        function(q, motion, levels, h, step.places[index], step.fibres, np.empty(4), np.empty(4), out)
+    fibres, impulse, tangent = model.step_model.fibres, np.empty(4), np.empty((4, 4))
+    room, strains, every = fibre_room(*fibres.area.shape), model.rest, np.zeros((11, model.sections))
+    strains[index], every[:, index] = q, levels
+    set_fibres(strains, every, fibres, room)
+    section_impulse(q, motion, h, index, fibres, room, impulse, tangent)
     return impulse, tangent
 
 
@@ -243,19 +246,18 @@ def test_tangent_is_the_derivative_of_the_force(laws, bent):
 
 
 @pytest.mark.parametrize("laws", LAWS)
-def test_compiled_tangents_are_derivatives_by_a_complex_step(laws, bent):
+def test_compiled_tangents_are_derivatives(laws, bent):
     model, (strains, rates, levels) = ReducedModel(laws=laws), bent
-    h, tiny = 0.05, 1e-30
+    h = 0.05
     motion, step = h * rates, model.step_model
     for index in range(model.sections):
-        place, u = step.places[index], levels[:, index].astype(complex)
-        _, tangent = compiled_section(model, index, strains[index], motion[index], levels[:, index].copy(), h)
-        for column in range(4):
-            moved = motion[index].astype(complex)
-            moved[column] += 1j * tiny
-            buffer = [np.empty(4, complex) for _ in range(3)]
-            section_residual(strains[index].astype(complex), moved, u, h + 0j, place, step.fibres, *buffer)
-            np.testing.assert_allclose(tangent[:, column], buffer[2].imag / tiny, rtol=1e-9, atol=1e-12 * abs(tangent).max())
+        given = strains[index], motion[index], levels[:, index].copy(), h
+        _, tangent = compiled_section(model, index, *given)
+        for column, shift in enumerate(1e-6 * step.scale[index]):
+            unit = shift * np.eye(4)[column]
+            plus, minus = (compiled_section(model, index, given[0], given[1] + s * unit, *given[2:])[0] for s in (1, -1))
+            expected = (plus - minus) / (2 * shift) * step.scale[index]
+            np.testing.assert_allclose(tangent[:, column] * step.scale[index], expected, rtol=2e-5, atol=1e-6 * abs(expected).max())
     tangent = compiled_drag(model, strains, motion, h)[1].copy()
     for column in (0, 7, 18, 31):
         shift = np.zeros(32)
@@ -263,6 +265,35 @@ def test_compiled_tangents_are_derivatives_by_a_complex_step(laws, bent):
         plus, minus = (compiled_drag(model, strains, motion + s * shift.reshape(8, 4), h)[0].ravel().copy() for s in (1, -1))
         expected = (plus - minus) / (2 * shift[column])
         np.testing.assert_allclose(tangent[:, column], expected, atol=1e-6 * abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    "parameters", [ReducedParameters(), ReducedParameters(squeeze=0.3, tone=0.05, oblique_bending=0.4)], ids=["rod", "full"]
+)
+def test_slopes_at_a_fixed_motion_are_derivatives(parameters, bent):
+    """Fibres by strains, levels and step; water by strains and step."""
+    model, (strains, rates, levels), h = ReducedModel(parameters=parameters), bent, 0.05
+    motion, step, draw = h * rates, model.step_model, np.random.default_rng(5)
+    fibres, room = step.fibres, buffers(step, 11, 0)
+    for index in (0, 4, 7):
+        by_strains, by_levels, by_step = np.empty((4, 5)), np.empty((4, 11)), np.empty(4)
+        given = strains[index], motion[index], levels[:, index].copy()
+        set_fibres(strains, levels, fibres, room.fibres)
+        section_slopes(given[0], given[1], h, index, fibres, room.fibres, by_strains, by_levels, by_step)
+        dq, du, dh = 1e-6 * step.scale[index] * draw.normal(size=4), 1e-6 * draw.normal(size=11), 1e-7
+        plus, minus = (compiled_section(model, index, given[0] + s * dq, given[1], given[2] + s * du, h + s * dh)[0] for s in (1, -1))
+        found, expected = 2 * (by_strains[:, :4] @ dq + by_levels @ du + by_step * dh), plus - minus
+        np.testing.assert_allclose(found * step.scale[index], expected * step.scale[index], rtol=1e-5, atol=1e-12)
+    for dq, dh in ((1e-6 * step.scale * draw.normal(size=(8, 4)), 0.0), (0 * strains, 1e-6)):
+        compiled = []
+        for sign in (1, -1):
+            compiled.append(compiled_drag(model, strains + sign * dq, motion, h + sign * dh)[0].copy())
+        set_shape(strains, step.elements, room.shape)
+        drag_impulse(motion, h, step.elements, room.shape, room.residual)
+        set_shape_slopes(strains, motion, h, step.elements, room.shape, room.shape_slopes)
+        impulse_along(dq.ravel(), dh, h, step.elements, room.shape, room.shape_slopes, room.along)
+        expected = ((compiled[0] - compiled[1]) / 2).ravel() * step.scale.ravel()
+        np.testing.assert_allclose(room.along * step.scale.ravel(), expected, rtol=1e-5, atol=1e-8 * abs(expected).max())
 
 
 @pytest.mark.parametrize(("laws", "tolerance"), [("generic", 1e-6), ("known", 1e-4)])

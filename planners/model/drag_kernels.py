@@ -1,7 +1,8 @@
 """Water drag of the reduced model for the compiled step: shape, force of a motion, tangent; formulas and sources stand in `drag`.
 
-Shape and force take real or complex numbers, as in `fibre_kernels`. A motion m of the strains within a step h moves node j by J_j m, and
-the water's impulse on it is h F(J_j m / h), F(v) = c v + d |v_n| v_n across the tangent, with a rotational drag beside it.
+A motion m of the strains within a step h moves node j by J_j m, and the water's impulse on it is h F(J_j m / h), F(v) = c v + d |v_n| v_n
+across the tangent, with a rotational drag beside it. Twists and wrenches are those of the point at the base: a twist is the spin and the
+velocity of what would be there, a wrench the torque about it and the force. Both then add up along the arm as they are (Featherstone 2008).
 """
 
 from typing import Any, NamedTuple
@@ -10,8 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octoctrl.sim.compiler import kernel
-
-from .fibre_kernels import Number, Numbers
 
 Floats = NDArray[np.float64]
 
@@ -35,33 +34,38 @@ class Elements(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """Twists per strain rate and far ends of the elements; buffers of real or complex numbers.
+    """Twists per strain rate and far ends of the elements, M of them; buffers.
 
-    `turning` (M, 3, 3), `moving` (M, 3, 4), `points` (M, 3), `tangents` (M, 3), `frame` (3, 3), `velocity` and `spin` (M, 3).
+    `turning` (M, 3, 3), `moving` (M, 3, 4), `points` (M, 3), `tangents` (M, 3), `middles` (M, 3, 3): frames half way, `frame` (3, 3),
+    `velocity` and `spin` (M, 3), `jacobian` (9, 4 S): velocity of the point at the base, spin, velocity of the node, `wrench` (6, 4 S).
     """
 
-    turning: NDArray[np.generic]
-    moving: NDArray[np.generic]
-    points: NDArray[np.generic]
-    tangents: NDArray[np.generic]
-    frame: NDArray[np.generic]
-    velocity: NDArray[np.generic]
-    spin: NDArray[np.generic]
+    turning: Floats
+    moving: Floats
+    points: Floats
+    tangents: Floats
+    middles: Floats
+    frame: Floats
+    velocity: Floats
+    spin: Floats
+    jacobian: Floats
+    wrench: Floats
 
 
-def shape_buffers(elements: int, kind: type = float) -> Shape:
+def shape_buffers(elements: int, sections: int) -> Shape:
     """Empty buffers for `elements` elements."""
-    sizes = ((elements, 3, 3), (elements, 3, 4), (elements, 3), (elements, 3), (3, 3), (elements, 3), (elements, 3))
-    return Shape(*(np.zeros(size, dtype=kind) for size in sizes))
+    each = ((3, 3), (3, 4), (3,), (3,), (3, 3))
+    sizes = (*((elements, *size) for size in each), (3, 3), (elements, 3), (elements, 3), (9, 4 * sections), (6, 4 * sections))
+    return Shape(*map(np.zeros, sizes))
 
 
 @kernel
-def set_shape(q: Numbers, elements: Any, shape: Any) -> None:
+def set_shape(q: Floats, elements: Any, shape: Any) -> None:
     """Shape at the strains `q` (S, 4)."""
     frame, points = shape.frame, shape.points
     frame[:] = 0
     frame[2, 0] = frame[0, 1] = frame[1, 2] = 1  # columns d1 = z, d2 = x, d3 = y
-    px, py, pz = 0 * q[0, 0], 0 * q[0, 0], 0 * q[0, 0]
+    px, py, pz = 0.0, 0.0, 0.0
     for i in range(len(elements.first)):
         a, w0, w1, width = elements.first[i], elements.weights[i, 0], elements.weights[i, 1], elements.widths[i]
         k1, k2 = w0 * q[a, 0] + w1 * q[a + 1, 0], w0 * q[a, 1] + w1 * q[a + 1, 1]
@@ -81,6 +85,7 @@ def set_shape(q: Numbers, elements: Any, shape: Any) -> None:
         for r in range(3):
             f0, f1, f2 = frame[r, 0], frame[r, 1], frame[r, 2]
             m0, m1, m2 = f0 * e00 + f1 * e10 + f2 * e20, f0 * e01 + f1 * e11 + f2 * e21, f0 * e02 + f1 * e12 + f2 * e22
+            shape.middles[i, r, 0], shape.middles[i, r, 1], shape.middles[i, r, 2] = m0, m1, m2
             rest = (1 - ratio) * (m0 * u1 + m1 * u2 + m2 * u3)
             shape.turning[i, r, 0] = width * (ratio * m0 + rest * u1)
             shape.turning[i, r, 1] = width * (ratio * m1 + rest * u2)
@@ -109,10 +114,9 @@ def set_shape(q: Numbers, elements: Any, shape: Any) -> None:
 
 
 @kernel
-def drag_impulse(motion: Numbers, h: Number, elements: Any, shape: Any, out: Numbers) -> None:
+def drag_impulse(motion: Floats, h: float, elements: Any, shape: Any, out: Floats) -> None:
     """Impulse (S, 4) of the water against a motion of the strains (S, 4) within `h`; leaves what each node moves by in `shape`."""
-    zero = 0 * (motion[0, 0] + shape.points[0, 0] + h)
-    s0, s1, s2, a0, a1, a2 = zero, zero, zero, zero, zero, zero
+    s0, s1, s2, a0, a1, a2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(len(elements.first)):
         a = elements.first[i]
         for k in range(4):
@@ -127,8 +131,8 @@ def drag_impulse(motion: Numbers, h: Number, elements: Any, shape: Any, out: Num
         x, y, z = shape.points[i, 0], shape.points[i, 1], shape.points[i, 2]
         shape.velocity[i, 0], shape.velocity[i, 1], shape.velocity[i, 2] = a0 + s1 * z - s2 * y, a1 + s2 * x - s0 * z, a2 + s0 * y - s1 * x
         shape.spin[i, 0], shape.spin[i, 1], shape.spin[i, 2] = s0, s1, s2
-    out[:] = 0
-    f0, f1, f2, t0, t1, t2 = zero, zero, zero, zero, zero, zero
+    out[:] = 0.0
+    f0, f1, f2, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(len(elements.first) - 1, -1, -1):
         a = elements.first[i]
         tx, ty, tz = shape.tangents[i, 0], shape.tangents[i, 1], shape.tangents[i, 2]
@@ -157,12 +161,9 @@ def drag_impulse(motion: Numbers, h: Number, elements: Any, shape: Any, out: Num
 
 
 @kernel
-def drag_tangent(h: Number, elements: Any, shape: Any, jacobian: Numbers, wrench: Numbers, tangent: Numbers) -> None:
-    """Derivative (4 S, 4 S) of `drag_impulse` by the motion, real, after a call of it; `jacobian` (9, 4 S), `wrench` (6, 4 S): buffers.
-
-    Rows of `jacobian`: velocity of the point at the base, spin, velocity of the node.
-    """
-    size = tangent.shape[0]
+def drag_tangent(h: float, elements: Any, shape: Any, tangent: Floats) -> None:
+    """Derivative (4 S, 4 S) of `drag_impulse` by the motion, after a call of it."""
+    size, jacobian, wrench = tangent.shape[0], shape.jacobian, shape.wrench
     tangent[:] = 0.0
     jacobian[:] = 0.0
     for i in range(len(elements.first)):

@@ -1,8 +1,12 @@
-"""Fibres of one section for the compiled step: viscous and elastic forces, and their exact tangent.
+"""Fibres of one section for the compiled step: viscous and elastic impulses, their tangent, and their derivatives by all that they hang on.
 
-The laws and the geometry are those of `statics`, where they are written out and sourced. All functions take real or complex numbers:
-branches look at real parts and nothing takes a size, so that a derivative along any direction is the imaginary part of the residual at an
-argument with an imaginary part of `TINY`, exact to rounding (complex step: Squire & Trapp 1998).
+The laws and the geometry are those of `statics`, where they are written out and sourced. Every fibre is a helix about the axis: at a
+distance rho from it, on one side of it, with its own turn, its length per rest length of the arm is
+
+    l^2 = x^2 + b^2,      x = axial e + lam (k1 along - k2 across),      b = lam (turn + rho k3),
+
+with the radius lam = e^-hoop / n and the narrowing n = 1 + squeeze (R-OM + L-OM). Longitudinal muscles do not turn, the cord in the middle
+has rho = 0, and rings turn once without going along. Functions give values and first derivatives, fibres second ones too.
 """
 
 from typing import Any, NamedTuple
@@ -13,13 +17,7 @@ from numpy.typing import NDArray
 from octoctrl.sim.compiler import kernel
 
 Floats = NDArray[np.float64]
-Numbers = NDArray[Any]
-"""Real, or complex where slopes are taken by a complex step."""
-Number = Any
-"""One of them."""
-
-TINY = 1e-30
-"""Imaginary part of a complex step."""
+Five = tuple[float, float, float, float, float]
 
 RATE_BLEND = 0.01
 """Stretch rate, 1/s, over which the shortening and lengthening branches of Hill's law are blended."""
@@ -56,310 +54,293 @@ class Law(NamedTuple):
 
 
 OF, TERMS = Law(), 9
+RIGHT, LEFT, RING, NONE = 8, 9, 10, -1
+"""Rows of the oblique families and of the transverse muscle in a column of levels; what stands for a fibre that no muscle group moves."""
 
 
 class Fibres(NamedTuple):
-    """What the fibres of all sections share: rows of three laws (see `Law`), and
+    """Fibres of all sections, F of them in each of S sections.
 
-    `sides` (8, 2): sine and cosine of the azimuth of the longitudinal muscles; `around` (parts, 2): the same of the places by which an
-    oblique fibre passes, times the share of the bend that it feels there; `hoop`: exponent that couples radius to stretch; `squeeze`:
-    narrowing by active oblique muscles; `tone`: level at rest; `viscosity`: factor on Hill's; `pitch_rate`, 1/m: turn of oblique fibres;
-    `embedded`: factor on the passive stress of oblique fibres.
+    `laws` (kinds, numbers), see `Law`, and `law` (F,), which of them; `group` (F,): row of its level or `NONE`; `tone` (F,): level at rest;
+    `viscosity` and `passive` (F,): factors on Hill's viscosity and on the passive stress; `axial` (F,): 1 for what goes along the arm.
+    `along`, `across`, `radius`, `turn` (S, F), m, m, m, 1; `area` (S, F), m^2; `rest` (S, F): length at rest. `narrowing` (S,);
+    `stiffness` (S, 2), N m^2, against bending and twist; `length` (S,), m: of the sections. `hoop`: exponent that couples radius to
+    stretch; `squeeze`: narrowing by active oblique muscles.
     """
 
-    longitudinal: Floats
-    oblique: Floats
-    transverse: Floats
-    sides: Floats
-    around: Floats
+    laws: Floats
+    law: NDArray[np.int64]
+    group: NDArray[np.int64]
+    tone: Floats
+    viscosity: Floats
+    passive: Floats
+    axial: Floats
+    along: Floats
+    across: Floats
+    radius: Floats
+    turn: Floats
+    area: Floats
+    rest: Floats
+    narrowing: Floats
+    stiffness: Floats
+    length: Floats
     hoop: float
     squeeze: float
-    tone: float
-    viscosity: float
-    pitch_rate: float
-    embedded: float
 
 
-class Place(NamedTuple):
-    """Positions of a section's constants in its row; the order of `statics.CONSTANTS`, stiffnesses with their factors."""
+class FibreRoom(NamedTuple):
+    """Buffers: `ahead` (4,); of a step, `narrowed` (S,): n, `levels` (S, F), tone included, `losses` (S, F) and `pulls` (S, F, 4):
+    viscosity of the fibres and their gradients where it begins.
+    """
 
-    cord: int = 0
-    muscle: int = 1
-    ring: int = 2
-    oblique: int = 3
-    muscle_offset: int = 4
-    oblique_offset: int = 5
-    oblique_stretch: int = 6
-    bending: int = 7
-    twisting: int = 8
-    ring_twisting: int = 9
-    narrowing: int = 10
-    length: int = 11
+    ahead: Floats
+    narrowed: Floats
+    levels: Floats
+    losses: Floats
+    pulls: Floats
 
 
-AT = Place()
-RIGHT, LEFT, RING = 8, 9, 10
-"""Rows of the oblique families and of the transverse muscle in a column of levels."""
+def fibre_room(sections: int, fibres: int) -> FibreRoom:
+    """Fresh buffers."""
+    return FibreRoom(*map(np.zeros, ((4,), (sections,), (sections, fibres), (sections, fibres), (sections, fibres, 4))))
 
 
 @kernel
-def polynomial(law: Any, first: int, x: Number) -> Number:
-    """Value of the polynomial of a law that begins at `first`."""
-    value = law[first] + 0 * x
+def polynomial(laws: Floats, law: int, first: int, x: float) -> tuple[float, float]:
+    """Value and slope of the polynomial of a law that begins at `first`."""
+    value, slope = laws[law, first], 0.0
     for index in range(first + 1, first + TERMS):
-        value = value * x + law[index]
-    return value
+        slope = slope * x + value
+        value = value * x + laws[law, index]
+    return value, slope
 
 
 @kernel
-def hinge(x: Number, width: Number) -> Number:
-    """max(x, 0) with a parabola between -width and width."""
-    if x.real <= -width:
-        return 0 * x
-    if x.real >= width:
-        return x
+def hinge(x: float, width: float) -> tuple[float, float]:
+    """max(x, 0) with a parabola between -width and width, and its slope."""
+    if x <= -width:
+        return 0.0, 0.0
+    if x >= width:
+        return x, 1.0
     inside = x + width
-    return inside * inside / (4 * width)
+    return inside * inside / (4 * width), inside / (2 * width)
 
 
 @kernel
-def active_stress(law: Any, s: Number) -> Number:
-    """Active stress at full level, Pa."""
-    held = s
-    if s.real <= law[OF.low]:
-        held = law[OF.low] + 0 * s
-    elif s.real >= law[OF.top]:
-        held = law[OF.top] + 0 * s
-    return law[OF.active_stress] * hinge(polynomial(law, OF.active, held), law[OF.active_blend])
+def active_stress(laws: Floats, law: int, s: float) -> tuple[float, float]:
+    """Active stress at full level, Pa, and its slope."""
+    curve, rise = polynomial(laws, law, OF.active, min(max(s, laws[law, OF.low]), laws[law, OF.top]))
+    if s <= laws[law, OF.low] or s >= laws[law, OF.top]:
+        rise = 0.0
+    value, slope = hinge(curve, laws[law, OF.active_blend])
+    return laws[law, OF.active_stress] * value, laws[law, OF.active_stress] * slope * rise
 
 
 @kernel
-def passive_stress(law: Any, s: Number) -> Number:
-    """Stress of the resting tissue, Pa."""
-    if s.real > law[OF.top]:
-        curve = polynomial(law, OF.passive, law[OF.top] + 0 * s) + law[OF.end_slope] * (s - law[OF.top])
-    elif s.real <= law[OF.floor]:
-        curve = polynomial(law, OF.passive, law[OF.floor] + 0 * s)
-    else:
-        curve = polynomial(law, OF.passive, s)
-    pressed = hinge(1 - law[OF.slack] - s, COMPRESSION_BLEND)
-    return law[OF.tension] * hinge(curve, law[OF.tension_blend]) - law[OF.compression] * pressed
+def passive_stress(laws: Floats, law: int, s: float) -> tuple[float, float]:
+    """Stress of the resting tissue, Pa, and its slope."""
+    curve, rise = polynomial(laws, law, OF.passive, min(max(s, laws[law, OF.floor]), laws[law, OF.top]))
+    if s > laws[law, OF.top]:
+        rise = laws[law, OF.end_slope]
+        curve += rise * (s - laws[law, OF.top])
+    elif s <= laws[law, OF.floor]:
+        rise = 0.0
+    pressed, closing = hinge(1 - laws[law, OF.slack] - s, COMPRESSION_BLEND)
+    value, slope = hinge(curve, laws[law, OF.tension_blend])
+    return laws[law, OF.tension] * value - laws[law, OF.compression] * pressed, laws[law, OF.tension] * slope * rise + laws[
+        law, OF.compression
+    ] * closing
 
 
 @kernel
-def hill_secant(law: Any, rate: Number) -> Number:
-    """Loss of active stress per stretch rate, s, over the isometric stress."""
+def hill_secant(laws: Floats, law: int, rate: float) -> tuple[float, float]:
+    """Loss of active stress per stretch rate, s, over the isometric stress, and its slope."""
     square = rate * rate
     size = np.sqrt(square + RATE_BLEND * RATE_BLEND)
-    magnitude = square / size / law[OF.rate]
-    lengthening = 0.5 * (1 + rate / size)
-    stretch = law[OF.eccentric] / law[OF.concentric]
-    short = (1 + 1 / law[OF.concentric]) / (1 + magnitude / law[OF.concentric])
-    long = (law[OF.plateau] - 1) * (1 + stretch) / (1 + stretch * magnitude)
-    return (short + lengthening * (long - short)) / law[OF.rate]
+    magnitude, growth = square / size / laws[law, OF.rate], rate * (2 - square / (size * size)) / size / laws[law, OF.rate]
+    lengthening, turning = 0.5 * (1 + rate / size), 0.5 * (RATE_BLEND * RATE_BLEND) / (size * size * size)
+    stretch = laws[law, OF.eccentric] / laws[law, OF.concentric]
+    below, above = 1 / (1 + magnitude / laws[law, OF.concentric]), 1 / (1 + stretch * magnitude)
+    short = (1 + 1 / laws[law, OF.concentric]) * below
+    long = (laws[law, OF.plateau] - 1) * (1 + stretch) * above
+    short_slope, long_slope = -short * below / laws[law, OF.concentric] * growth, -long * above * stretch * growth
+    slope = short_slope + turning * (long - short) + lengthening * (long_slope - short_slope)
+    return (short + lengthening * (long - short)) / laws[law, OF.rate], slope / laws[law, OF.rate]
 
 
 @kernel
-def radius_factor(q: Numbers, levels: Numbers, place: Any, hoop: Number, squeeze: Number) -> tuple[Number, ...]:
+def radius_factor(e: float, narrow: float, hoop: float) -> tuple[float, float, float]:
     """Radius over rest radius of a section, and its first and second derivative by the stretch."""
-    narrowed = 1 + squeeze * place[AT.narrowing] * (levels[RIGHT] + levels[LEFT])
-    lam = np.exp(-hoop * np.log(q[3])) / narrowed
-    first = -hoop * lam / q[3]
-    return lam, first, -(hoop + 1) * first / q[3]
+    lam = np.exp(-hoop * np.log(e)) / narrow
+    first = -hoop * lam / e
+    return lam, first, -(hoop + 1) * first / e
 
 
 @kernel
-def fibre_length(q: Numbers, lam: Number, lam1: Number, rho: Number, side: Number, turn: Number, gradient: Numbers) -> Number:
-    """Length per rest length of the arm of a fibre at the distance `rho` from the axis, on a `side` (2) of it; its gradient by the strains
-    goes to `gradient`.
-    """
-    across, along = rho * side[0], rho * side[1]
-    bent, turned = q[0] * along - q[1] * across, rho * (turn + q[2])
-    x, b = q[3] + lam * bent, lam * turned
+def fibre_length(
+    q: Floats, lam: float, lam1: float, lam2: float, axial: float, along: float, across: float, radius: float, turn: float
+) -> tuple[float, Five, tuple[Five, Five, Five, Five]]:
+    """Length of a fibre per rest length of the arm; its derivatives by the four strains and log n; those of the first four by all five."""
+    bent, turned = q[0] * along - q[1] * across, turn + radius * q[2]
+    x, b = axial * q[3] + lam * bent, lam * turned
     length = np.sqrt(x * x + b * b)
-    gradient[0] = x * lam * along / length
-    gradient[1] = -x * lam * across / length
-    gradient[2] = b * lam * rho / length
-    gradient[3] = (x * (1 + lam1 * bent) + b * lam1 * turned) / length
-    return length
+    by = 1 / length
+    x0, x1, x3, x4 = lam * along, -lam * across, axial + lam1 * bent, -lam * bent
+    b2, b3, b4 = lam * radius, lam1 * turned, -lam * turned
+    g0, g1, g2, g3, g4 = x * x0 * by, x * x1 * by, b * b2 * by, (x * x3 + b * b3) * by, (x * x4 + b * b4) * by
+    c01, c02, c12 = by * (x0 * x1 - g0 * g1), -by * g0 * g2, -by * g1 * g2
+    c03, c13 = by * (x0 * x3 + x * lam1 * along - g0 * g3), by * (x1 * x3 - x * lam1 * across - g1 * g3)
+    c23 = by * (b2 * b3 + b * lam1 * radius - g2 * g3)
+    return length, (g0, g1, g2, g3, g4), (
+        (by * (x0 * x0 - g0 * g0), c01, c02, c03, by * (x0 * x4 - x * x0 - g0 * g4)),
+        (c01, by * (x1 * x1 - g1 * g1), c12, c13, by * (x1 * x4 - x * x1 - g1 * g4)),
+        (c02, c12, by * (b2 * b2 - g2 * g2), c23, by * (b2 * b4 - b * b2 - g2 * g4)),
+        (c03, c13, c23, by * (x3 * x3 + b3 * b3 + lam2 * (x * bent + b * turned) - g3 * g3),
+         by * (x3 * x4 + b3 * b4 - x * lam1 * bent - b * b3 - g3 * g4)),
+    )  # fmt: skip
 
 
 @kernel
-def winding(index: int, fibres: Any) -> Number:
-    """Turn of the oblique fibres `index` about the axis, 1/m."""
-    return fibres.pitch_rate if index == RIGHT else -fibres.pitch_rate
+def tension(laws: Floats, law: int, area: float, rest: float, passive: float, level: float, length: float) -> tuple[float, float]:
+    """Tension of a fibre over its stretch, and the derivative of that by its length."""
+    s = length / rest
+    stress, slope = passive_stress(laws, law, s)
+    stress, slope = passive * stress, passive * slope
+    if level != 0.0:
+        active, rise = active_stress(laws, law, s)
+        stress, slope = stress + level * active, slope + level * rise
+    return area * stress / s, area * (slope - stress / s) / length
 
 
 @kernel
-def viscous_tension(law: Any, area: Number, level: Number, s: Number, rest: Number, h: Number, moved: Number) -> Number:
-    """Viscous impulse along a fibre whose length changes by `moved` within `h`; `level` carries the factor on the viscosity."""
-    return area * level * active_stress(law, s) / (s * rest) * hill_secant(law, moved / (h * rest)) * moved
+def set_fibres(q: Floats, levels: Floats, fibres: Any, room: Any) -> None:
+    """What stays through a step from the strains `q` (S, 4) at the levels (groups, S) of its end: levels of the fibres, what resists."""
+    for n in range(q.shape[0]):
+        room.narrowed[n] = 1 + fibres.squeeze * fibres.narrowing[n] * (levels[RIGHT, n] + levels[LEFT, n])
+        lam, lam1, lam2 = radius_factor(q[n, 3], room.narrowed[n], fibres.hoop)
+        for f in range(len(fibres.law)):
+            level = fibres.tone[f]
+            if fibres.group[f] != NONE:
+                level += levels[fibres.group[f], n]
+            room.levels[n, f], room.losses[n, f] = level, 0.0
+            if level != 0.0 and fibres.viscosity[f] != 0.0:
+                length, gradient, _ = fibre_length(
+                    q[n], lam, lam1, lam2, fibres.axial[f], fibres.along[n, f], fibres.across[n, f], fibres.radius[n, f],
+                    fibres.turn[n, f],
+                )  # fmt: skip
+                active, _ = active_stress(fibres.laws, fibres.law[f], length / fibres.rest[n, f])
+                room.losses[n, f] = fibres.viscosity[f] * fibres.area[n, f] * level * active / length
+                for k in range(4):
+                    room.pulls[n, f, k] = gradient[k]
 
 
 @kernel
-def add_viscous(
-    law: Any, area: Number, level: Number, s: Number, rest: Number, h: Number, motion: Numbers, gradient: Numbers, out: Numbers
-) -> None:
-    """Add the viscous impulse of one fibre to `out`."""
-    moved = gradient[0] * motion[0] + gradient[1] * motion[1] + gradient[2] * motion[2] + gradient[3] * motion[3]
-    tension = viscous_tension(law, area, level, s, rest, h, moved)
-    for k in range(4):
-        out[k] += gradient[k] * tension
-
-
-@kernel
-def section_residual(
-    q: Numbers, motion: Numbers, levels: Numbers, h: Number, place: Any, fibres: Any, gradient: Numbers, ahead: Any, out: Numbers
-) -> None:
-    """Viscous impulse at the strains `q` plus elastic impulse at `q + motion` of a step `h`, J s per unit strain, into `out` (4).
-
-    `levels` (11) are those at the end of the step; `gradient` and `ahead` (4) are buffers.
+def section_impulse(q: Floats, motion: Floats, h: float, n: int, fibres: Any, room: Any, out: Floats, tangent: Floats) -> None:
+    """Viscous impulse at the strains `q` (4) plus elastic impulse at `q + motion` of a step `h`, J s per unit strain, into `out` (4), and
+    its derivative by the motion into `tangent` (4, 4); of the section `n`, after `set_fibres`.
     """
-    for k in range(4):
-        out[k] = 0 * (q[k] + motion[k] + levels[RING] + h)
-        ahead[k] = q[k] + motion[k]
-    lam, lam1, _ = radius_factor(q, levels, place, fibres.hoop, fibres.squeeze)
-    for index in range(RIGHT):
-        level = levels[index] + fibres.tone
-        if level != 0:
-            length = fibre_length(q, lam, lam1, place[AT.muscle_offset], fibres.sides[index], 0.0, gradient)
-            add_viscous(fibres.longitudinal, place[AT.muscle], fibres.viscosity * level, length, 1.0, h, motion, gradient, out)
-    parts, rest = len(fibres.around), place[AT.oblique_stretch]
-    for index in range(RIGHT, RING):
-        if levels[index] != 0:
-            for part in range(parts):
-                length = fibre_length(q, lam, lam1, place[AT.oblique_offset], fibres.around[part], winding(index, fibres), gradient)
-                level = fibres.viscosity * levels[index]
-                add_viscous(fibres.oblique, place[AT.oblique] / parts, level, length / rest, rest, h, motion, gradient, out)
-    ring = levels[RING] + fibres.tone
-    if ring != 0:
-        for k in range(4):
-            gradient[k] = 0 * lam1
-        gradient[3] = lam1
-        add_viscous(fibres.transverse, place[AT.ring], fibres.viscosity * ring, lam, 1.0, h, motion, gradient, out)
-    lam, lam1, _ = radius_factor(ahead, levels, place, fibres.hoop, fibres.squeeze)
-    for index in range(RIGHT):
-        s = fibre_length(ahead, lam, lam1, place[AT.muscle_offset], fibres.sides[index], 0.0, gradient)
-        stress = (levels[index] + fibres.tone) * active_stress(fibres.longitudinal, s) + passive_stress(fibres.longitudinal, s)
-        for k in range(4):
-            out[k] += h * place[AT.muscle] * stress / s * gradient[k]
-    for index in range(RIGHT, RING):
-        for part in range(parts):
-            s = fibre_length(ahead, lam, lam1, place[AT.oblique_offset], fibres.around[part], winding(index, fibres), gradient) / rest
-            stress = levels[index] * active_stress(fibres.oblique, s) + fibres.embedded * passive_stress(fibres.oblique, s)
-            for k in range(4):
-                out[k] += h * place[AT.oblique] / parts * stress / s * gradient[k]
-    stress = ring * active_stress(fibres.transverse, lam) + passive_stress(fibres.transverse, lam)
-    out[3] += h * place[AT.ring] * stress / lam * lam1
-    e = ahead[3]
-    stress = fibres.tone * active_stress(fibres.longitudinal, e) + passive_stress(fibres.longitudinal, e)
-    out[3] += h * place[AT.cord] * stress / e
-    out[0] += h * place[AT.bending] * ahead[0]
-    out[1] += h * place[AT.bending] * ahead[1]
-    out[2] += h * (place[AT.twisting] + place[AT.ring_twisting]) * ahead[2]
-    for k in range(4):
-        out[k] *= place[AT.length]
-
-
-@kernel
-def add_viscous_tangent(
-    law: Any, area: Number, level: Number, s: Number, rest: Number, h: Number, motion: Numbers, gradient: Numbers, tangent: Numbers
-) -> None:
-    """Add the derivative of `add_viscous` by the motion to `tangent` (4, 4)."""
-    moved = gradient[0] * motion[0] + gradient[1] * motion[1] + gradient[2] * motion[2] + gradient[3] * motion[3]
-    slope = viscous_tension(law, area, level, s, rest, h, moved + 1j * TINY).imag / TINY
+    pulls, m0, m1, m2, m3 = room.pulls, motion[0], motion[1], motion[2], motion[3]
+    ahead = room.ahead
     for i in range(4):
-        for j in range(4):
-            tangent[i, j] += slope * gradient[i] * gradient[j]
-
-
-@kernel
-def pull_and_stiffness(law: Any, area: Number, level: Number, embedded: Number, s: Number, rest: Number) -> tuple[Number, ...]:
-    """Tension of a fibre over its stretch, and the derivative of that by its length, which is `rest` at rest."""
-    shifted = s + 1j * TINY
-    pull = area * (level * active_stress(law, shifted) + embedded * passive_stress(law, shifted)) / shifted
-    return pull.real, pull.imag / (TINY * rest)
-
-
-@kernel
-def add_fibre_tangent(
-    pull: Number, stiffness: Number, length: Number, e: Number, bent: Number, turned: Number, lam: Number, lam1: Number, lam2: Number,
-    across: Number, along: Number, rho: Number, gradient: Numbers, tangent: Numbers,
-) -> None:  # fmt: skip
-    """Add the derivative of pull times the gradient of length^2 = x^2 + b^2, x = e + lam bent, b = lam turned."""
-    x, b, by = e + lam * bent, lam * turned, pull / length
-    for i in range(4):
-        for j in range(4):
-            tangent[i, j] += (stiffness - by) * gradient[i] * gradient[j]
-    x0, x1, x3, b2, b3 = lam * along, -lam * across, 1 + lam1 * bent, lam * rho, lam1 * turned
-    mixed0, mixed1, mixed2 = by * (x0 * x3 + x * lam1 * along), by * (x1 * x3 - x * lam1 * across), by * (b2 * b3 + b * lam1 * rho)
-    tangent[0, 0] += by * x0 * x0
-    tangent[1, 1] += by * x1 * x1
-    tangent[0, 1] += by * x0 * x1
-    tangent[1, 0] += by * x0 * x1
-    tangent[2, 2] += by * b2 * b2
-    tangent[3, 3] += by * (x3 * x3 + b3 * b3 + lam2 * (x * bent + b * turned))
-    tangent[0, 3] += mixed0
-    tangent[3, 0] += mixed0
-    tangent[1, 3] += mixed1
-    tangent[3, 1] += mixed1
-    tangent[2, 3] += mixed2
-    tangent[3, 2] += mixed2
-
-
-@kernel
-def section_tangent(
-    q: Numbers, motion: Numbers, levels: Numbers, h: Number, place: Any, fibres: Any, gradient: Numbers, ahead: Any, tangent: Numbers
-) -> None:
-    """Derivative (4, 4) of `section_residual` by the motion, for real numbers."""
-    for i in range(4):
-        for j in range(4):
-            tangent[i, j] = 0.0
         ahead[i] = q[i] + motion[i]
-    lam, lam1, _ = radius_factor(q, levels, place, fibres.hoop, fibres.squeeze)
-    stretch, parts = place[AT.oblique_stretch], len(fibres.around)
-    for index in range(RIGHT):
-        level = levels[index] + fibres.tone
-        if level != 0.0:
-            s = fibre_length(q, lam, lam1, place[AT.muscle_offset], fibres.sides[index], 0.0, gradient)
-            add_viscous_tangent(fibres.longitudinal, place[AT.muscle], fibres.viscosity * level, s, 1.0, h, motion, gradient, tangent)
-    for index in range(RIGHT, RING):
-        if levels[index] != 0.0:
-            for part in range(parts):
-                s = fibre_length(q, lam, lam1, place[AT.oblique_offset], fibres.around[part], winding(index, fibres), gradient) / stretch
-                level = fibres.viscosity * levels[index]
-                add_viscous_tangent(fibres.oblique, place[AT.oblique] / parts, level, s, stretch, h, motion, gradient, tangent)
-    ring = levels[RING] + fibres.tone
-    if ring != 0.0:
-        for k in range(3):
-            gradient[k] = 0.0
-        gradient[3] = lam1
-        add_viscous_tangent(fibres.transverse, place[AT.ring], fibres.viscosity * ring, lam, 1.0, h, motion, gradient, tangent)
-    lam, lam1, lam2 = radius_factor(ahead, levels, place, fibres.hoop, fibres.squeeze)
-    e = ahead[3]
-    rho = place[AT.muscle_offset]
-    for index in range(RIGHT):
-        across, along = rho * fibres.sides[index, 0], rho * fibres.sides[index, 1]
-        s = fibre_length(ahead, lam, lam1, rho, fibres.sides[index], 0.0, gradient)
-        pull, stiffness = pull_and_stiffness(fibres.longitudinal, h * place[AT.muscle], levels[index] + fibres.tone, 1.0, s, 1.0)
-        bent, turned = ahead[0] * along - ahead[1] * across, rho * ahead[2]
-        add_fibre_tangent(pull, stiffness, s, e, bent, turned, lam, lam1, lam2, across, along, rho, gradient, tangent)
-    rho = place[AT.oblique_offset]
-    for index in range(RIGHT, RING):
-        turned, area = rho * (ahead[2] + winding(index, fibres)), h * place[AT.oblique] / parts
-        for part in range(parts):
-            across, along = rho * fibres.around[part, 0], rho * fibres.around[part, 1]
-            length = fibre_length(ahead, lam, lam1, rho, fibres.around[part], winding(index, fibres), gradient)
-            pull, stiffness = pull_and_stiffness(fibres.oblique, area, levels[index], fibres.embedded, length / stretch, stretch)
-            bent = ahead[0] * along - ahead[1] * across
-            add_fibre_tangent(pull, stiffness, length, e, bent, turned, lam, lam1, lam2, across, along, rho, gradient, tangent)
-    pull, stiffness = pull_and_stiffness(fibres.transverse, h * place[AT.ring], ring, 1.0, lam, 1.0)
-    tangent[3, 3] += stiffness * lam1 * lam1 + pull * lam2
-    pull, stiffness = pull_and_stiffness(fibres.longitudinal, h * place[AT.cord], fibres.tone, 1.0, e, 1.0)
-    tangent[3, 3] += stiffness
-    tangent[0, 0] += h * place[AT.bending]
-    tangent[1, 1] += h * place[AT.bending]
-    tangent[2, 2] += h * (place[AT.twisting] + place[AT.ring_twisting])
+    bending, twisting = h * fibres.stiffness[n, 0], h * fibres.stiffness[n, 1]
+    o0, o1, o2, o3 = bending * ahead[0], bending * ahead[1], twisting * ahead[2], 0.0
+    t00, t01, t02, t03, t11, t12, t13, t22, t23, t33 = bending, 0.0, 0.0, 0.0, bending, 0.0, 0.0, twisting, 0.0, 0.0
+    lam, lam1, lam2 = radius_factor(ahead[3], room.narrowed[n], fibres.hoop)
+    for f in range(len(fibres.law)):
+        loss, rest = room.losses[n, f], fibres.rest[n, f]
+        if loss != 0.0:
+            g0, g1, g2, g3 = pulls[n, f, 0], pulls[n, f, 1], pulls[n, f, 2], pulls[n, f, 3]
+            moved = g0 * m0 + g1 * m1 + g2 * m2 + g3 * m3
+            rate = moved / (h * rest)
+            secant, slope = hill_secant(fibres.laws, fibres.law[f], rate)
+            pull, stiffness = loss * secant * moved, loss * (secant + slope * rate)
+            o0, o1, o2, o3 = o0 + pull * g0, o1 + pull * g1, o2 + pull * g2, o3 + pull * g3
+            t00, t01, t02, t03 = t00 + stiffness * g0 * g0, t01 + stiffness * g0 * g1, t02 + stiffness * g0 * g2, t03 + stiffness * g0 * g3
+            t11, t12, t13 = t11 + stiffness * g1 * g1, t12 + stiffness * g1 * g2, t13 + stiffness * g1 * g3
+            t22, t23, t33 = t22 + stiffness * g2 * g2, t23 + stiffness * g2 * g3, t33 + stiffness * g3 * g3
+        length, (g0, g1, g2, g3, _), (c0, c1, c2, c3) = fibre_length(
+            ahead, lam, lam1, lam2, fibres.axial[f], fibres.along[n, f], fibres.across[n, f], fibres.radius[n, f], fibres.turn[n, f]
+        )  # fmt: skip
+        pull, stiffness = tension(fibres.laws, fibres.law[f], fibres.area[n, f], rest, fibres.passive[f], room.levels[n, f], length)
+        pull, stiffness = h * pull, h * stiffness
+        o0, o1, o2, o3 = o0 + pull * g0, o1 + pull * g1, o2 + pull * g2, o3 + pull * g3
+        t00, t01 = t00 + stiffness * g0 * g0 + pull * c0[0], t01 + stiffness * g0 * g1 + pull * c0[1]
+        t02, t03 = t02 + stiffness * g0 * g2 + pull * c0[2], t03 + stiffness * g0 * g3 + pull * c0[3]
+        t11, t12 = t11 + stiffness * g1 * g1 + pull * c1[1], t12 + stiffness * g1 * g2 + pull * c1[2]
+        t13, t22 = t13 + stiffness * g1 * g3 + pull * c1[3], t22 + stiffness * g2 * g2 + pull * c2[2]
+        t23, t33 = t23 + stiffness * g2 * g3 + pull * c2[3], t33 + stiffness * g3 * g3 + pull * c3[3]
+    out[0], out[1], out[2], out[3] = o0, o1, o2, o3
+    tangent[0, 0], tangent[1, 1], tangent[2, 2], tangent[3, 3] = t00, t11, t22, t33
+    tangent[0, 1], tangent[0, 2], tangent[0, 3], tangent[1, 2], tangent[1, 3], tangent[2, 3] = t01, t02, t03, t12, t13, t23
     for i in range(4):
-        for j in range(4):
-            tangent[i, j] *= place[AT.length]
+        out[i] *= fibres.length[n]
+        for j in range(i, 4):
+            tangent[i, j] *= fibres.length[n]
+            tangent[j, i] = tangent[i, j]
+
+
+@kernel
+def section_slopes(
+    q: Floats, motion: Floats, h: float, n: int, fibres: Any, room: Any, by_strains: Floats, by_levels: Floats, by_step: Floats
+) -> None:
+    """Derivatives of `section_impulse` at a fixed motion: (4, 5) by the strains and log n, the latter a buffer, (4, groups) and (4,)."""
+    ahead = room.ahead
+    by_strains[:] = 0.0
+    by_levels[:] = 0.0
+    by_step[3] = 0.0
+    for i in range(4):
+        ahead[i] = q[i] + motion[i]
+    for i in range(3):
+        stiffness = fibres.stiffness[n, 0 if i < 2 else 1]
+        by_strains[i, i], by_step[i] = h * stiffness, stiffness * ahead[i]
+    narrow = room.narrowed[n]
+    lam, lam1, lam2 = radius_factor(q[3], narrow, fibres.hoop)
+    for f in range(len(fibres.law)):
+        group, rest, level = fibres.group[f], fibres.rest[n, f], room.levels[n, f]
+        if fibres.viscosity[f] == 0.0 or group == NONE:
+            continue
+        length, gradient, curvature = fibre_length(
+            q, lam, lam1, lam2, fibres.axial[f], fibres.along[n, f], fibres.across[n, f], fibres.radius[n, f], fibres.turn[n, f]
+        )  # fmt: skip
+        moved = gradient[0] * motion[0] + gradient[1] * motion[1] + gradient[2] * motion[2] + gradient[3] * motion[3]
+        rate = moved / (h * rest)
+        secant, slope = hill_secant(fibres.laws, fibres.law[f], rate)
+        active, rise = active_stress(fibres.laws, fibres.law[f], length / rest)
+        unit = fibres.viscosity[f] * fibres.area[n, f] / length  # loss per level and active stress
+        for i in range(4):
+            by_levels[i, group] += unit * active * secant * moved * gradient[i]
+        if level == 0.0:
+            continue
+        loss, thicker = unit * active * level, unit * level * (rise / rest - active / length) * secant * moved
+        for i in range(4):
+            by_step[i] -= loss * slope * rate / h * moved * gradient[i]
+        for j in range(5):
+            shifted = curvature[0][j] * motion[0] + curvature[1][j] * motion[1] + curvature[2][j] * motion[2] + curvature[3][j] * motion[3]
+            change = thicker * gradient[j] + loss * (secant + slope * rate) * shifted
+            for i in range(4):
+                by_strains[i, j] += change * gradient[i] + loss * secant * moved * curvature[i][j]
+    lam, lam1, lam2 = radius_factor(ahead[3], narrow, fibres.hoop)
+    for f in range(len(fibres.law)):
+        group, rest = fibres.group[f], fibres.rest[n, f]
+        length, gradient, curvature = fibre_length(
+            ahead, lam, lam1, lam2, fibres.axial[f], fibres.along[n, f], fibres.across[n, f], fibres.radius[n, f], fibres.turn[n, f]
+        )  # fmt: skip
+        pull, stiffness = tension(fibres.laws, fibres.law[f], fibres.area[n, f], rest, fibres.passive[f], room.levels[n, f], length)
+        if group != NONE:
+            active, _ = active_stress(fibres.laws, fibres.law[f], length / rest)
+            for i in range(4):
+                by_levels[i, group] += h * fibres.area[n, f] * active * rest / length * gradient[i]
+        for i in range(4):
+            by_step[i] += pull * gradient[i]
+            for j in range(5):
+                by_strains[i, j] += h * (stiffness * gradient[i] * gradient[j] + pull * curvature[i][j])
+    squeeze = fibres.squeeze * fibres.narrowing[n] / narrow
+    for i in range(4):
+        by_step[i] *= fibres.length[n]
+        by_levels[i, RIGHT] += squeeze * by_strains[i, 4]
+        by_levels[i, LEFT] += squeeze * by_strains[i, 4]
+        for group in range(by_levels.shape[1]):
+            by_levels[i, group] *= fibres.length[n]
+        for j in range(5):
+            by_strains[i, j] *= fibres.length[n]

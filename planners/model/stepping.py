@@ -12,12 +12,12 @@ from octoctrl.sim.body.muscles import MuscleLaw
 from .drag import element_edges, node_drag
 from .drag_kernels import Elements
 from .dynamics import Structure
-from .fibre_kernels import AT, OF, TERMS, Fibres, Law
+from .fibre_kernels import LEFT, NONE, OF, RIGHT, RING, TERMS, Fibres, Law
 from .kinematics import element_stations, hat_means, section_bounds
 from .output_kernels import OUTPUTS, outputs_along
 from .parameters import ReducedParameters
-from .statics import GENERIC, PASSED, section_constants
-from .stepping_kernels import Buffers, StepModel, buffers, linearise_steps, roll_out, roll_out_slopes
+from .statics import CONSTANTS, GENERIC, PASSED, section_constants
+from .stepping_kernels import StepModel, buffers, linearise_steps, roll_out, roll_out_slopes
 
 Floats = NDArray[np.float64]
 
@@ -66,32 +66,63 @@ def law_row(law: MuscleLaw, laws: str, kind: str, stress: float, parameters: Red
     return row
 
 
+def fibres(structure: Structure, parameters: ReducedParameters) -> Fibres:
+    """The fibres of all sections: eight longitudinal muscles, both oblique families, rings, cord."""
+    arm, sections, lumped = structure.arm, structure.sections, structure.arm.lumped
+    at = dict(zip(CONSTANTS, section_constants(arm, sections), strict=True))
+    longitudinal = lumped.longitudinal_stress * parameters.longitudinal_stress
+    laws = np.stack([
+        law_row(arm.longitudinal, structure.laws, "longitudinal", longitudinal, parameters),
+        law_row(arm.oblique, structure.laws, "longitudinal", lumped.oblique_stress * parameters.oblique_stress, parameters),
+        law_row(arm.transverse, structure.laws, "transverse", parameters.transverse_stress, parameters),
+    ])  # fmt: skip
+    ones, zeros = np.ones(sections), np.zeros(sections)
+    # An oblique fibre feels a share of the bend at each place by which it passes; without a share all places are one.
+    share, passed = parameters.oblique_bending, np.array(PASSED if parameters.oblique_bending else PASSED[:1])
+    inside = lumped.oblique_passive * parameters.oblique_passive
+    rows = []
+    for number, group in enumerate(LONGITUDINAL_GROUPS):
+        rho, angle = at["muscle_offset"], azimuth(group)
+        rows.append(
+            (0, number, parameters.tone, 1.0, 1.0, 1.0, rho * np.cos(angle), rho * np.sin(angle), rho, zeros, at["muscle_area"], ones)
+        )
+    for number, hand in ((RIGHT, 1), (LEFT, -1)):
+        rho, area = at["oblique_offset"], at["oblique_area"] / len(passed)
+        turn = hand * 2 * np.pi / arm.oblique_pitch * rho
+        rows += [
+            (
+                1,
+                number,
+                0.0,
+                1.0,
+                inside,
+                1.0,
+                share * np.cos(angle) * rho,
+                share * np.sin(angle) * rho,
+                rho,
+                turn,
+                area,
+                at["oblique_stretch"],
+            )
+            for angle in passed
+        ]
+    rows.append((2, RING, parameters.tone, 1.0, 1.0, 0.0, zeros, zeros, zeros, ones, at["ring_area"], ones))
+    rows.append((0, NONE, parameters.tone, 0.0, 1.0, 1.0, zeros, zeros, zeros, zeros, at["cord_area"], ones))
+    law, group, tone, viscous, passive, axial, *shape = zip(*rows, strict=True)
+    along, across, radius, turn, area, rest = (np.ascontiguousarray(np.array(part).T) for part in shape)
+    stiffness = parameters.bending * at["bending"], parameters.torsion * at["twisting"] + parameters.ring_torsion * at["ring_twisting"]
+    return Fibres(
+        laws=laws, law=np.array(law), group=np.array(group), tone=np.array(tone), viscosity=parameters.viscosity * np.array(viscous),
+        passive=np.array(passive), axial=np.array(axial), along=along, across=across, radius=radius, turn=turn, area=area, rest=rest,
+        narrowing=at["narrowing"], stiffness=np.ascontiguousarray(np.array(stiffness).T), length=at["length"],
+        hoop=lumped.hoop_ratio * parameters.hoop_ratio, squeeze=parameters.squeeze,
+    )  # fmt: skip
+
+
 @lru_cache(maxsize=32)
 def step_model(structure: Structure, parameters: ReducedParameters) -> StepModel:
     """The constants of a model's step."""
-    arm, sections, lumped = structure.arm, structure.sections, structure.arm.lumped
-    places = np.ascontiguousarray(section_constants(arm, sections).T)
-    places[:, AT.bending] *= parameters.bending
-    places[:, AT.twisting] *= parameters.torsion
-    places[:, AT.ring_twisting] *= parameters.ring_torsion
-    angles = np.array([azimuth(group) for group in LONGITUDINAL_GROUPS])
-    # Without a share in the bend all places are one.
-    share, passed = parameters.oblique_bending, np.array(PASSED if parameters.oblique_bending else PASSED[:1])
-    fibres = Fibres(
-        longitudinal=law_row(
-            arm.longitudinal, structure.laws, "longitudinal", lumped.longitudinal_stress * parameters.longitudinal_stress, parameters
-        ),
-        oblique=law_row(arm.oblique, structure.laws, "longitudinal", lumped.oblique_stress * parameters.oblique_stress, parameters),
-        transverse=law_row(arm.transverse, structure.laws, "transverse", parameters.transverse_stress, parameters),
-        sides=np.stack([np.sin(angles), np.cos(angles)], axis=1),
-        around=share * np.stack([np.sin(passed), np.cos(passed)], axis=1),
-        hoop=lumped.hoop_ratio * parameters.hoop_ratio,
-        squeeze=parameters.squeeze,
-        tone=parameters.tone,
-        viscosity=parameters.viscosity,
-        pitch_rate=2 * np.pi / arm.oblique_pitch,
-        embedded=lumped.oblique_passive * parameters.oblique_passive,
-    )
+    arm, sections = structure.arm, structure.sections
     edges = element_edges(arm, sections)
     hats, drag = hat_means(edges, section_bounds(arm, sections)), node_drag(arm, structure.water, edges)
     first = np.minimum([np.flatnonzero(row)[0] for row in hats], sections - 2)
@@ -103,7 +134,7 @@ def step_model(structure: Structure, parameters: ReducedParameters) -> StepModel
         quadratic=parameters.quadratic_drag * drag.quadratic,
         rotational=parameters.rotational_drag * drag.rotational,
     )
-    return StepModel(places, fibres, elements, strain_scale(arm, sections))
+    return StepModel(fibres(structure, parameters), elements, strain_scale(arm, sections))
 
 
 def strain_scale(arm: Arm, sections: int) -> Floats:
@@ -114,14 +145,10 @@ def strain_scale(arm: Arm, sections: int) -> Floats:
     return scale
 
 
-def _room(model: StepModel, columns: int) -> Buffers:
-    return buffers(len(model.places), len(model.elements.first), len(MUSCLE_GROUPS), columns)
-
-
 def simulate(model: StepModel, start: Floats, levels: Floats, steps: Floats) -> Floats:
     """Strains (N + 1, S, 4); not a number from a step on that has no solution."""
     strains = np.empty((len(steps) + 1, *start.shape))
-    solved = roll_out(start, levels, steps, model, _room(model, 0), np.zeros_like(start), strains)
+    solved = roll_out(start, levels, steps, model, buffers(model, len(MUSCLE_GROUPS), 0), np.zeros_like(start), strains)
     strains[solved + 1 :] = np.nan
     return strains
 
@@ -131,7 +158,7 @@ def simulate_with_slopes(
 ) -> tuple[Floats, Floats]:
     """As `simulate`, and derivatives (N + 1, 4 S, p)."""
     strains, slopes = np.empty((len(steps) + 1, *start.shape)), np.empty((len(steps) + 1, start.size, step_slopes.shape[1]))
-    room = _room(model, step_slopes.shape[1])
+    room = buffers(model, len(MUSCLE_GROUPS), step_slopes.shape[1])
     solved = roll_out_slopes(start, levels, level_slopes, steps, step_slopes, model, room, np.zeros_like(start), strains, slopes)
     strains[solved + 1 :], slopes[solved + 1 :] = np.nan, np.nan
     return strains, slopes
@@ -142,7 +169,7 @@ def linearise(model: StepModel, strains: Floats, levels: Floats, steps: Floats) 
     count, groups, sections = levels.shape
     size = 4 * sections
     transition, influence, drag = np.empty((count, size, size)), np.empty((count, size, groups, sections)), np.empty((count, size))
-    room = _room(model, size + groups * sections + 1)
+    room = buffers(model, groups, size + groups * sections + 1)
     unit, none, motion = np.zeros(size), np.zeros((groups, sections)), np.empty((sections, 4))
     linearise_steps(strains, levels, steps, model, room, motion, unit, none, transition, influence, drag)
     return transition, influence, drag

@@ -5,7 +5,7 @@ A step of length h from the strains q finds the motion m with
     R(m; q, u, h) = sum_j J_j(q)' h F_j(J_j(q) m / h) + C(q, u, m / h) m + h f(q + m, u) = 0
 
 by Newton's method with the exact, symmetric tangent T = dR/dm. The rate m / h belongs to the step itself: there is no rate among the
-states. At fixed m the derivatives of R by q, u and h along any direction are the imaginary parts of R at complex arguments, and
+states. The derivatives of R at fixed m by q, u and h are in closed form (`fibre_kernels`, `drag_slope_kernels`), and
 
     dm = -T^-1 (R_q dq + R_u du + R_h dh)
 
@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from octoctrl.sim.compiler import kernel
 
 from .drag_kernels import Elements, Shape, drag_impulse, drag_tangent, set_shape, shape_buffers
-from .fibre_kernels import TINY, Fibres, section_residual, section_tangent
+from .drag_slope_kernels import ShapeSlopes, impulse_along, set_shape_slopes, shape_slope_buffers
+from .fibre_kernels import FibreRoom, Fibres, fibre_room, section_impulse, section_slopes, set_fibres
 
 Floats = NDArray[np.float64]
-Numbers = NDArray[np.generic]
 
 CHANGE = 0.15
 """Largest change of a strain, as a fibre feels it, in one iteration."""
@@ -33,9 +33,8 @@ CONVERGED, ITERATIONS = 1e-6, 60
 
 
 class StepModel(NamedTuple):
-    """All constants of a step: `places` (S, 12) rows of section constants, `fibres`, `elements`, `scale` (S, 4) of the strains."""
+    """All constants of a step: `fibres`, `elements`, `scale` (S, 4) of the strains."""
 
-    places: Floats
     fibres: Fibres
     elements: Elements
     scale: Floats
@@ -45,81 +44,82 @@ class Buffers(NamedTuple):
     """Room for one step; one set per call."""
 
     shape: Shape
-    shifted_shape: Shape
-    jacobian: Floats
-    wrench: Floats
+    shape_slopes: ShapeSlopes
+    fibres: FibreRoom
     tangent: Floats
     block: Floats
     residual: Floats
     column: Floats
-    gradient: Floats
-    ahead: Floats
-    levels: Floats
     section: Floats
-    shifted_strains: Numbers
-    shifted_motion: Numbers
-    shifted_residual: Numbers
-    shifted_gradient: Numbers
-    shifted_ahead: Numbers
-    shifted_levels: Numbers
-    shifted_section: Numbers
+    by_strains: Floats
+    by_levels: Floats
+    by_step: Floats
+    along: Floats
     right: Floats
 
 
-def buffers(sections: int, elements: int, groups: int, columns: int) -> Buffers:
+def buffers(model: StepModel, groups: int, columns: int) -> Buffers:
     """Fresh buffers for `columns` directions."""
+    elements, (sections, fibres) = len(model.elements.first), model.fibres.area.shape
     size = 4 * sections
     return Buffers(
-        shape_buffers(elements), shape_buffers(elements, complex), np.zeros((9, size)), np.zeros((6, size)), np.zeros((size, size)),
-        np.zeros((4, 4)), np.zeros((sections, 4)), np.zeros((size, 1)), np.zeros(4), np.zeros(4), np.zeros(groups), np.zeros(4),
-        np.zeros((sections, 4), complex), np.zeros((sections, 4), complex), np.zeros((sections, 4), complex), np.zeros(4, complex),
-        np.zeros(4, complex), np.zeros(groups, complex), np.zeros(4, complex), np.zeros((size, columns)),
+        shape_buffers(elements, sections), shape_slope_buffers(elements), fibre_room(sections, fibres), np.zeros((size, size)),
+        np.zeros((4, 4)), np.zeros((sections, 4)), np.zeros(size), np.zeros(4), np.zeros((sections, 4, 5)),
+        np.zeros((sections, 4, groups)), np.zeros((sections, 4)), np.zeros(size), np.zeros((size, columns)),
     )  # fmt: skip
 
 
 @kernel
 def factorise(matrix: Floats) -> None:
-    """L D L' of a symmetric positive definite matrix, in place: D on the diagonal, L below."""
+    """U' D^-1 U of a symmetric positive definite matrix, in place of its upper half, D the diagonal of U."""
     size = matrix.shape[0]
-    for j in range(size):
-        pivot = matrix[j, j]
-        for k in range(j):
-            pivot -= matrix[j, k] * matrix[j, k] * matrix[k, k]
-        matrix[j, j] = pivot
-        for i in range(j + 1, size):
-            value = matrix[i, j]
-            for k in range(j):
-                value -= matrix[i, k] * matrix[j, k] * matrix[k, k]
-            matrix[i, j] = value / pivot
+    for k in range(size):
+        for i in range(k + 1, size):
+            share, row, pivot = matrix[k, i] / matrix[k, k], matrix[i, i:], matrix[k, i:]
+            for j in range(len(row)):
+                row[j] -= share * pivot[j]
 
 
 @kernel
 def substitute(factor: Floats, right: Floats) -> None:
     """Solve for the columns of `right` (n, p), in place, with what `factorise` left."""
     size, columns = right.shape
-    for i in range(size):
-        for k in range(i):
+    for k in range(size):
+        for i in range(k + 1, size):
+            share = factor[k, i] / factor[k, k]
+            for c in range(columns):
+                right[i, c] -= share * right[k, c]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
             value = factor[i, k]
             for c in range(columns):
                 right[i, c] -= value * right[k, c]
-    for i in range(size - 1, -1, -1):
         for c in range(columns):
             right[i, c] /= factor[i, i]
-        for k in range(i + 1, size):
-            value = factor[k, i]
-            for c in range(columns):
-                right[i, c] -= value * right[k, c]
 
 
 @kernel
-def residual_and_tangent(q: Floats, motion: Floats, levels: Floats, h: float, model: Any, room: Any) -> None:
-    """R and dR/dm of a step whose shape stands in the buffers already."""
+def substitute_one(factor: Floats, right: Floats) -> None:
+    """As `substitute`, for one column (n,)."""
+    size = len(right)
+    for k in range(size):
+        share, row, below = right[k] / factor[k, k], factor[k, k + 1 :], right[k + 1 :]
+        for i in range(len(row)):
+            below[i] -= share * row[i]
+    for i in range(size - 1, -1, -1):
+        value = right[i]
+        for k in range(i + 1, size):
+            value -= factor[i, k] * right[k]
+        right[i] = value / factor[i, i]
+
+
+@kernel
+def residual_and_tangent(q: Floats, motion: Floats, h: float, model: Any, room: Any) -> None:
+    """R and dR/dm of a step whose shape and resisting fibres stand in the buffers already."""
     drag_impulse(motion, h, model.elements, room.shape, room.residual)
-    drag_tangent(h, model.elements, room.shape, room.jacobian, room.wrench, room.tangent)
+    drag_tangent(h, model.elements, room.shape, room.tangent)
     for n in range(q.shape[0]):
-        room.levels[:] = levels[:, n]
-        section_residual(q[n], motion[n], room.levels, h, model.places[n], model.fibres, room.gradient, room.ahead, room.section)
-        section_tangent(q[n], motion[n], room.levels, h, model.places[n], model.fibres, room.gradient, room.ahead, room.block)
+        section_impulse(q[n], motion[n], h, n, model.fibres, room.fibres, room.section, room.block)
         for k in range(4):
             room.residual[n, k] += room.section[k]
             for j in range(4):
@@ -127,21 +127,32 @@ def residual_and_tangent(q: Floats, motion: Floats, levels: Floats, h: float, mo
 
 
 @kernel
+def set_slopes(q: Floats, motion: Floats, h: float, model: Any, room: Any) -> None:
+    """Factors of dR/dm, and all that `residual_along` needs, at a solved step whose shape and fibres stand in the buffers already."""
+    residual_and_tangent(q, motion, h, model, room)
+    factorise(room.tangent)
+    set_shape_slopes(q, motion, h, model.elements, room.shape, room.shape_slopes)
+    for n in range(q.shape[0]):
+        section_slopes(q[n], motion[n], h, n, model.fibres, room.fibres, room.by_strains[n], room.by_levels[n], room.by_step[n])
+
+
+@kernel
 def solve_step(q: Floats, motion: Floats, levels: Floats, h: float, model: Any, room: Any) -> bool:
     """Improve `motion` until the residual vanishes; whether it did."""
     set_shape(q, model.elements, room.shape)
+    set_fibres(q, levels, model.fibres, room.fibres)
     before, damping = np.inf, 1.0
     for _ in range(ITERATIONS):
-        residual_and_tangent(q, motion, levels, h, model, room)
+        residual_and_tangent(q, motion, h, model, room)
         for n in range(q.shape[0]):
             for k in range(4):
-                room.column[4 * n + k, 0] = -room.residual[n, k]
+                room.column[4 * n + k] = -room.residual[n, k]
         factorise(room.tangent)
-        substitute(room.tangent, room.column)
+        substitute_one(room.tangent, room.column)
         largest = 0.0
         for n in range(q.shape[0]):
             for k in range(4):
-                largest = max(largest, abs(room.column[4 * n + k, 0]) / model.scale[n, k])
+                largest = max(largest, abs(room.column[4 * n + k]) / model.scale[n, k])
         if not np.isfinite(largest):
             return False
         # The laws have kinks, and from one side of a kink to the other and back Newton's method would go for ever.
@@ -155,7 +166,7 @@ def solve_step(q: Floats, motion: Floats, levels: Floats, h: float, model: Any, 
         share = damping * min(1.0, CHANGE / max(largest, CONVERGED))
         for n in range(q.shape[0]):
             for k in range(4):
-                motion[n, k] += share * room.column[4 * n + k, 0]
+                motion[n, k] += share * room.column[4 * n + k]
         if largest < CONVERGED:
             return True
     return False
@@ -185,27 +196,19 @@ def roll_out(start: Floats, levels: Floats, steps: Floats, model: Any, room: Any
 
 
 @kernel
-def residual_along(
-    q: Floats, strain_slopes: Floats, motion: Floats, levels: Floats, level_slopes: Floats, h: float, step_slope: Floats, model: Any,
-    room: Any, out: Floats,
-) -> None:  # fmt: skip
-    """Derivative of R at fixed motion along one direction (4 S; groups, S; number), negative, into the column `out` (4 S)."""
-    step = h + 1j * TINY * step_slope
-    for n in range(q.shape[0]):
+def residual_along(strain_slopes: Floats, level_slopes: Floats, h: float, step_slope: float, model: Any, room: Any, out: Floats) -> None:
+    """Derivative of R at fixed motion along one direction (4 S; groups, S; number), negative, into the column `out` (4 S); after
+    `set_slopes`.
+    """
+    impulse_along(strain_slopes, step_slope, h, model.elements, room.shape, room.shape_slopes, room.along)
+    for n in range(len(room.by_step)):
         for k in range(4):
-            room.shifted_strains[n, k] = q[n, k] + 1j * TINY * strain_slopes[4 * n + k]
-            room.shifted_motion[n, k] = motion[n, k]
-    set_shape(room.shifted_strains, model.elements, room.shifted_shape)
-    drag_impulse(room.shifted_motion, step, model.elements, room.shifted_shape, room.shifted_residual)
-    for n in range(q.shape[0]):
-        for group in range(levels.shape[0]):
-            room.shifted_levels[group] = levels[group, n] + 1j * TINY * level_slopes[group, n]
-        section_residual(
-            room.shifted_strains[n], room.shifted_motion[n], room.shifted_levels, step, model.places[n], model.fibres,
-            room.shifted_gradient, room.shifted_ahead, room.shifted_section,
-        )  # fmt: skip
-        for k in range(4):
-            out[4 * n + k] = -(room.shifted_residual[n, k].imag + room.shifted_section[k].imag) / TINY
+            value = room.along[4 * n + k] + room.by_step[n, k] * step_slope
+            for j in range(4):
+                value += room.by_strains[n, k, j] * strain_slopes[4 * n + j]
+            for group in range(level_slopes.shape[0]):
+                value += room.by_levels[n, k, group] * level_slopes[group, n]
+            out[4 * n + k] = -value
 
 
 @kernel
@@ -237,16 +240,12 @@ def roll_out_slopes(
         if not solve_step(strains[t], motion, levels[t], steps[t], model, room):
             return t
         # The last iteration's tangent is that of the motion before it.
-        residual_and_tangent(strains[t], motion, levels[t], steps[t], model, room)
-        factorise(room.tangent)
+        set_slopes(strains[t], motion, steps[t], model, room)
         for d in range(slopes.shape[2]):
             if stands_still(slopes[t, :, d], level_slopes[t, :, :, d], step_slopes[t, d]):
                 room.right[:, d] = 0.0
                 continue
-            residual_along(
-                strains[t], slopes[t, :, d], motion, levels[t], level_slopes[t, :, :, d], steps[t], step_slopes[t, d], model, room,
-                room.right[:, d],
-            )  # fmt: skip
+            residual_along(slopes[t, :, d], level_slopes[t, :, :, d], steps[t], step_slopes[t, d], model, room, room.right[:, d])
         substitute(room.tangent, room.right)
         for i in range(slopes.shape[1]):
             for d in range(slopes.shape[2]):
@@ -272,25 +271,17 @@ def linearise_steps(
     for t in range(len(steps)):
         motion[:] = strains[t + 1] - strains[t]
         set_shape(strains[t], model.elements, room.shape)
-        residual_and_tangent(strains[t], motion, levels[t], steps[t], model, room)
-        factorise(room.tangent)
+        set_fibres(strains[t], levels[t], model.fibres, room.fibres)
+        set_slopes(strains[t], motion, steps[t], model, room)
         room.right[:] = 0.0
         for d in range(size):
             unit[d] = 1.0
-            residual_along(strains[t], unit, motion, levels[t], none, steps[t], 0.0, model, room, room.right[:, d])
+            residual_along(unit, none, steps[t], 0.0, model, room, room.right[:, d])
             unit[d] = 0.0
         for n in range(sections):
-            room.shifted_strains[n] = strains[t, n]
-            room.shifted_motion[n] = motion[n]
             for group in range(groups):
-                room.shifted_levels[:] = levels[t, :, n]
-                room.shifted_levels[group] += 1j * TINY
-                section_residual(
-                    room.shifted_strains[n], room.shifted_motion[n], room.shifted_levels, steps[t] + 0j, model.places[n], model.fibres,
-                    room.shifted_gradient, room.shifted_ahead, room.shifted_section,
-                )  # fmt: skip
                 for k in range(4):
-                    room.right[4 * n + k, size + group * sections + n] = -room.shifted_section[k].imag / TINY
+                    room.right[4 * n + k, size + group * sections + n] = -room.by_levels[n, k, group]
         drag_impulse(motion, steps[t], model.elements, room.shape, room.residual)
         for n in range(sections):
             for k in range(4):
