@@ -81,8 +81,8 @@ def fibres(structure: Structure, parameters: ReducedParameters) -> Fibres:
     share, passed = parameters.oblique_bending, np.array(PASSED if parameters.oblique_bending else PASSED[:1])
     inside = lumped.oblique_passive * parameters.oblique_passive
     rows = []
-    for number, group in enumerate(LONGITUDINAL_GROUPS):
-        rho, angle = at["muscle_offset"], azimuth(group)
+    for number, name in enumerate(LONGITUDINAL_GROUPS):
+        rho, angle = at["muscle_offset"], azimuth(name)
         rows.append(
             (0, number, parameters.tone, 1.0, 1.0, 1.0, rho * np.cos(angle), rho * np.sin(angle), rho, zeros, at["muscle_area"], ones)
         )
