@@ -11,7 +11,8 @@ from octoctrl.files.centreline import read_centreline
 from octoctrl.files.configuration import parse
 from octoctrl.files.toml_writing import toml_of
 from octoctrl.planners.asking.copying import copied
-from octoctrl.planners.asking.goals.shape import ShapeGoal, nodes
+from octoctrl.planners.asking.goals.measured import nodes
+from octoctrl.planners.asking.goals.shape import ShapeGoal
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.running.recording import Recording
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from conftest import coil_strains
 
+import octoctrl as oc
 from octoctrl.planners.asking.goals.keep_out import CapsuleZone, HalfSpaceZone, SphereZone
+from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.registry import goal, goal_kinds
 from octoctrl.planners.asking.task import miss_in_phase
 from octoctrl.planners.contracts import Goal, When
@@ -189,6 +191,16 @@ def test_keep_out_is_entered_by_the_surface_of_the_arm(model):
         assert value_of(model, bent(model), goal("keep_out", shape=shape, margin=max(clearance - 1e-9, 0.0))) == pytest.approx(
             max(-clearance, 0.0), abs=1e-8
         )
+
+
+def test_keep_out_is_read_at_the_nodes_of_the_plant_that_moved():
+    """A plant may have other elements than the arm's own, as the full arm has."""
+    fine = oc.Arm.octopus(elements=64)
+    recording = oc.make_plant("rod", fine).advance(oc.Activation(templates=(oc.Plateau(groups=("LM1",), level=0.2),)), 0.2)
+    outputs = RecordedOutputs(recording, None, oc.Arm.octopus())
+    distance = np.linalg.norm(recording.points - [0.05, 0.1, 0.0], axis=2) - 0.02 - fine.section(fine.edges).outer_radius
+    zone = goal("keep_out", shape=SphereZone(centre=(0.05, 0.1, 0.0), radius=0.02), margin=0.05)
+    np.testing.assert_allclose(zone.clearance(outputs), distance.min(axis=1), atol=1e-12)
 
 
 # Targets

@@ -9,7 +9,7 @@ from octoctrl.sim.errors import OctoctrlError, check_number
 
 from ...contracts import Expression, Outputs, When
 from ..registry import register_goal, register_part
-from .measured import MeasuredGoal, three_numbers
+from .measured import MeasuredGoal, nodes, three_numbers
 
 Vector = tuple[float, float, float]
 Points = tuple[Expression, Expression, Expression]
@@ -140,7 +140,7 @@ class KeepOutGoal(MeasuredGoal):
 
     def clearance(self, outputs: Outputs) -> Expression:
         """Distance of the nearest part of the arm's surface from the body, (T,), m."""
-        edges = outputs.arm.edges
+        edges = nodes(outputs.stations)
         gaps = self.shape.distance(outputs.math, outputs.points) - outputs.arm.section(edges).outer_radius[None]
         return reduce(outputs.math.fmin, (gaps[:, node] for node in range(len(edges))))
 

@@ -216,3 +216,11 @@ _TARGETS = ("value", "at_least", "at_most", "between", "tolerance", "when", "hol
 
 def _number(value: Length) -> str:
     return str(value) if isinstance(value, Share) else f"{value:g}"
+
+
+def nodes(stations: Floats) -> Floats:
+    """Rest arclengths (n + 1,), m, of the nodes between `stations` (n + 2,): base, element centres, tip. A plant's own, not the arm's."""
+    edges = [float(stations[0])]
+    for centre in stations[1:-1]:
+        edges.append(2 * float(centre) - edges[-1])
+    return np.array(edges)

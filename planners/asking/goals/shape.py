@@ -7,10 +7,10 @@ import numpy as np
 
 from octoctrl.sim.errors import OctoctrlError, check_number
 
-from ...contracts import Expression, Floats, Outputs
+from ...contracts import Expression, Outputs
 from ..registry import register_goal
 from ..shares import Length, unresolved
-from .measured import MeasuredGoal, three_numbers
+from .measured import MeasuredGoal, nodes, three_numbers
 
 
 @register_goal
@@ -53,11 +53,3 @@ class ShapeGoal(MeasuredGoal):
             at = row @ between
             found += [(at[:, index] - float(point[axis])) / count**0.5 for index, point in enumerate(self.value)]
         return found
-
-
-def nodes(stations: Floats) -> Floats:
-    """Rest arclengths (n + 1,), m, of the nodes between `stations` (n + 2,): base, element centres, tip. A plant's own, not the arm's."""
-    edges = [float(stations[0])]
-    for centre in stations[1:-1]:
-        edges.append(2 * float(centre) - edges[-1])
-    return np.array(edges)
