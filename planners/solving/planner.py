@@ -24,6 +24,7 @@ from ..asking.task import Task, miss_in_phase
 from ..fitting.identified import IdentifiedModel
 from .choosing import Sequence, channels, choose
 from .doubt import doubt
+from .interrupts import interrupts_kept
 from .optimiser import objective, optimise
 from .plan import Alternative, GoalReport, Plan, PlanReport, PlanStatus
 from .present import Present, lifted_by
@@ -147,7 +148,8 @@ def plan(
     if progress is not None:
         progress.start("planning")
     try:
-        return _planned(task, identified, clock, guess, start or {}, present, progress)
+        with interrupts_kept():
+            return _planned(task, identified, clock, guess, start or {}, present, progress)
     finally:
         if progress is not None:
             progress.stop()

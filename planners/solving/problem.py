@@ -28,6 +28,7 @@ from ..model.output_kernels import LINK, UTURN, WRITHE
 from ..model.readings import residual_function
 from ..model.reduced import ReducedModel
 from ..model.stepping import output_tables, outputs, simulate, simulate_with_slopes
+from .interrupts import heed
 from .least_squares import Box
 from .present import Present
 from .slopes import Slopes, SlopesMath
@@ -217,6 +218,7 @@ class Problem:
         slopes : bool
             Whether derivatives are made too, which costs some five times as much.
         """
+        heed()
         model, free = self.model, np.flatnonzero(self.box.upper > self.box.lower)
         lengths = np.repeat(x[: len(grid.steps)] / grid.steps, grid.steps)
         self.work += len(lengths) * (1 + SLOPE_WORK * len(free) * slopes)
