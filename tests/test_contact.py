@@ -328,6 +328,24 @@ def test_winding_counts_turns_and_only_what_touches_is_covered(turns):
         assert found == pytest.approx(covered, abs=1e-9)
 
 
+@pytest.mark.parametrize("count", [18, 25, 60])
+def test_covered_winding_does_not_jump_by_elements(count):
+    """A helix whose clearance grows along it, or that leaves the post's end: what is covered follows, between elements too."""
+    item, radius = SHAPES[1], 4e-3
+    angle = 2 * pi * 1.5 * np.linspace(0, 1, count + 1)
+    frame = frame_of(item)
+    for covered in np.linspace(0.4, 1.2, 7):
+        for clearance, along in (
+            (2e-3 * angle / (2 * pi) / covered, 0 * angle),
+            (0 * angle, item.length / 2 * angle / (2 * pi) / covered),
+        ):
+            away = (item.radius + radius + clearance) / np.cos(pi * 1.5 / count)  # middles of chords lie at the clearance
+            local = np.stack([away * np.cos(angle), away * np.sin(angle), along], axis=1)
+            points = (np.asarray(item.position) + local @ frame)[None]
+            found = covered_winding(points, np.full(count, radius), item, np.asarray(item.position)[None], frame[None])[0]
+            assert found == pytest.approx(covered, abs=0.012)
+
+
 def test_a_curl_beside_a_post_or_beyond_its_end_is_not_covered():
     item, radius = SHAPES[1], 4e-3
     points, position, frame = helix_round(item, 1.0, 0.0, radius)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..scene.objects import SHAPES, Box, Capsule, Cylinder, Plane, RigidObject, Sphere
 from .columns import Note
-from .measures import COVERED, gaps, turns
+from .measures import gaps, lying, turns
 from .surroundings import PREFIX, Touch
 
 Floats = NDArray[np.float64]
@@ -34,8 +34,6 @@ class Hold:
         Between the surface of each element and the object's, negative where they overlap.
     along : (T, n) float64, m
         Place of each element along the object's axis, from its centre.
-    beyond : (T, n) float64, m
-        By how much that place is past the object's ends.
     turned : (T, n) float64, turns
         That each element makes about the axis, positive in the sense of a right-handed turn.
     item : RigidObject
@@ -49,7 +47,6 @@ class Hold:
     touch: Touch
     gap: Floats
     along: Floats
-    beyond: Floats
     turned: Floats
     item: RigidObject
     home: Floats
@@ -75,12 +72,10 @@ class Hold:
         item = recorded_object(recording.series[PREFIX + name][0], name)
         middle = (recording.points[:, 1:] + recording.points[:, :-1]) / 2
         along = np.einsum("tkc,tc->tk", middle - touch.position[:, None], touch.frame[:, 2])
-        half = item.length / 2 if isinstance(item, Capsule | Cylinder) else np.inf
         return cls(
             touch=touch,
             gap=gaps(middle, item, touch.position, touch.frame) - radius,
             along=along,
-            beyond=np.maximum(np.abs(along) - half, 0.0),
             turned=turns(recording.points, touch.position, touch.frame),
             item=item,
             home=recording.series[PREFIX + name][0, Note.HOME_AXIS : Note.HOME_AXIS + 3],
@@ -94,8 +89,8 @@ class Hold:
 
     @property
     def covered(self) -> Floats:
-        """Turns of the elements that lie on the object, within its length, (T,)."""
-        return np.asarray((self.turned * ((self.gap < COVERED) & (self.beyond == 0))).sum(axis=1))
+        """Turns of what lies on the object, within its length, (T,)."""
+        return np.asarray((self.turned * lying(self.gap, self.along, self.item)).sum(axis=1))
 
     @property
     def near(self) -> Floats:

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 POSITION, FRAME = int(Body.POSITION), int(Body.FRAME)
 COVERED = 2e-3
-"""Gap (m) up to which an element counts as lying on the object."""
+"""Gap (m) up to which the arm counts as lying on the object."""
 
 
 def winding(points: Floats, position: Floats, frame: Floats) -> Floats:
@@ -41,7 +41,7 @@ def winding(points: Floats, position: Floats, frame: Floats) -> Floats:
 
 
 def covered_winding(points: Floats, radius: Floats, item: RigidObject, position: Floats, frame: Floats) -> Floats:
-    """Turns of those elements that lie on the object, within its length.
+    """Turns of what lies on the object, within its length.
 
     Parameters
     ----------
@@ -57,11 +57,37 @@ def covered_winding(points: Floats, radius: Floats, item: RigidObject, position:
     (T,) float64, turns
     """
     middle = (points[:, 1:] + points[:, :-1]) / 2
-    on = gaps(middle, item, position, frame) - radius < COVERED
+    along = np.einsum("tkc,tc->tk", middle - position[:, None], frame[:, 2])
+    share = lying(gaps(middle, item, position, frame) - radius, along, item)
+    return np.asarray((turns(points, position, frame) * share).sum(axis=1))
+
+
+def lying(gap: Floats, along: Floats, item: RigidObject) -> Floats:
+    """Share (T, n) of each element that lies on an object, within its length, between 0 and 1.
+
+    What is in and what is out is told from the middles of the elements, and taken to change linearly from one to the next: were elements
+    counted as a whole, covered winding would jump by as much as a long one turns.
+
+    Parameters
+    ----------
+    gap : (T, n) float64, m
+        Between the surface of each element's middle and the object's.
+    along : (T, n) float64, m
+        Place of the middle along the object's axis, from its centre.
+    item : RigidObject
+    """
+    out = gap - COVERED
     if isinstance(item, Capsule | Cylinder):
-        along = np.einsum("tkc,tc->tk", middle - position[:, None], frame[:, 2])
-        on &= np.abs(along) <= item.length / 2
-    return np.asarray((turns(points, position, frame) * on).sum(axis=1))
+        out = np.maximum(out, np.abs(along) - item.length / 2)
+    ends = np.pad((out[:, 1:] + out[:, :-1]) / 2, ((0, 0), (1, 1)))
+    ends[:, 0], ends[:, -1] = out[:, 0], out[:, -1]
+    return (_below(ends[:, :-1], out) + _below(out, ends[:, 1:])) / 2
+
+
+def _below(begin: Floats, end: Floats) -> Floats:
+    """Share of the way from one number to the other that is below nought."""
+    low, width = np.minimum(begin, end), np.abs(end - begin)
+    return np.clip(-low / np.maximum(width, 1e-12), 0.0, 1.0)
 
 
 def gaps(points: Floats, item: RigidObject, position: Floats, frame: Floats) -> Floats:
