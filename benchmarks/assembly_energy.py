@@ -16,11 +16,12 @@ from octoctrl.sim.assembly.account import CONNECTIONS, energies
 from octoctrl.sim.assembly.constants import fibre_laws, oblique_mass, ring_smoothing, straight_mass
 from octoctrl.sim.assembly.core import TONE_RAMP
 from octoctrl.sim.assembly.family_kernels import cord_brake, ring_spin_brake
+from octoctrl.sim.assembly.hydrostat_terms import CORD_SLIP_RATE, RING_SPIN_RATE, hydrostat_terms
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow as S
 from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.stepping import mover
-from octoctrl.sim.assembly.terms import CORD_SLIP_RATE, RING_SPIN_RATE, Step, by_name, hydrostat_terms
+from octoctrl.sim.assembly.terms import Step, by_name
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 from octoctrl.sim.body.muscles import MuscleLaw
 from octoctrl.sim.plants import make_plant

@@ -4,14 +4,16 @@ import numpy as np
 
 from octoctrl.sim.assembly.crossing_kernels import crossing_kernels
 from octoctrl.sim.assembly.family_kernels import cord_brake, family_offsets, ring_solver
+from octoctrl.sim.assembly.hydrostat_terms import hydrostat_terms
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.published_joint_kernels import RESULTS, even_repulsion, published_ring_joints, squeeze_kernels
+from octoctrl.sim.assembly.published_terms import published_terms
 from octoctrl.sim.assembly.side_kernels import side_kernels
 from octoctrl.sim.assembly.spoke_kernels import beside_kernel, collect_kernel, gather_kernel, share_kernels
 from octoctrl.sim.assembly.stepping import mover
 from octoctrl.sim.assembly.system_kernels import two_ended
-from octoctrl.sim.assembly.terms import Step, by_name, hydrostat_terms, published_terms
+from octoctrl.sim.assembly.terms import Step, by_name
 
 
 def step_of(plant, drag=None):

@@ -8,9 +8,10 @@ from assembly_parts import laws_of
 
 from octoctrl.sim.assembly.buffer import fill_parameters, new_assembly, set_rest
 from octoctrl.sim.assembly.geometry import assembly_geometry, octopus_grid
+from octoctrl.sim.assembly.hydrostat_terms import hydrostat_terms
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.parts import whole
-from octoctrl.sim.assembly.terms import Step, hydrostat_terms
+from octoctrl.sim.assembly.terms import Step
 from octoctrl.sim.body.anatomy import PLAIN
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.body.grid import AssemblyGrid

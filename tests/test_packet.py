@@ -105,4 +105,4 @@ def test_the_page_of_a_packet_tells_its_way(coil_plan, coil_run):
     assert [row.count("<td>") for row in rows] == [7, 7] and all(f"<td>{first.name}</td>" in row for row in rows)
     at = 1e3 * np.interp(run.events[0].actual, simulated.time, simulated.position)
     assert f"<td>simulated</td><td>{at:.3g}</td>" in rows[1]
-    assert packet_picture(run, 13.0, 76.0) == packet_picture(run, 13.0, 76.0)
+    assert packet_picture(*packets(run), 13.0, 76.0) == packet_picture(*packets(run), 13.0, 76.0)

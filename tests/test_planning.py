@@ -18,6 +18,7 @@ from octoctrl.planners.asking.schedule import Schedule
 from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.planners.solving import planner
+from octoctrl.planners.solving.interrupts import heed, interrupts_kept
 from octoctrl.planners.solving.plan import PlanFailedError, PlanStatus
 from octoctrl.planners.solving.problem import Problem
 from octoctrl.planners.solving.search import ENOUGH
@@ -176,6 +177,27 @@ def test_an_interrupt_at_any_moment_leaves_no_plan(after, identified):
                 planner.plan(COIL, identified)
     finally:
         timer.cancel()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_treated_at_the_next_simulation_as_the_user_wants_it(number):
+    """CasADi would lose what the handler raises, or give it another name."""
+    called = []
+    usual = signal.signal(number, lambda came, _: called.append(came))
+    try:
+        with interrupts_kept():
+            os.kill(os.getpid(), number)
+            os.kill(os.getpid(), number)
+            assert not called
+            heed()
+            heed()
+            assert called == [number]
+        assert signal.getsignal(number).__name__ == "<lambda>"
+        with interrupts_kept():
+            os.kill(os.getpid(), number)
+        assert called == [number, number]
+    finally:
+        signal.signal(number, usual)
 
 
 def test_an_interrupt_within_the_optimiser_leaves_no_plan(identified, monkeypatch):

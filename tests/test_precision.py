@@ -9,11 +9,12 @@ import pytest
 from assembly_parts import step_of
 
 from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.assembly.hydrostat_terms import hydrostat_terms
 from octoctrl.sim.assembly.layout import SINGLE_STATE_ROWS, STATE_ROWS
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.stepping import mover
-from octoctrl.sim.assembly.terms import by_name, hydrostat_terms
+from octoctrl.sim.assembly.terms import by_name
 from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
 from octoctrl.sim.compiler import kernel
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError

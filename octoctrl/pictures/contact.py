@@ -1,7 +1,7 @@
 """How an arm held the objects of its scene: numbers for a table, and a picture over time."""
 
-import io
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +11,11 @@ from octoctrl.sim.records import Record
 from octoctrl.sim.scene.objects import Capsule, Cylinder
 
 from ..carrying.results import Execution
+from .inline import inline_svg
 from .motion import Floats, outer_radius
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Of the objects, in the order of the scene, from the palette of Okabe and Ito."""
@@ -93,15 +97,10 @@ def contact_picture(run: Execution, held: list[Grip], left: float, width: float)
     str
         SVG, with text as text; the same run gives the same bytes.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
     time = run.recording.time
     turned = [grip for grip in held if grip.covered is not None]
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "octoctrl", "font.family": "sans-serif"}):
-        figure = Figure(figsize=(8.6, 2.6 if turned else 1.6))
-        FigureCanvasSVG(figure)
+
+    def draw(figure: "Figure") -> None:
         panels = figure.subplots(1 + bool(turned), 1, squeeze=False)[:, 0]
         figure.subplots_adjust(left=left / 100, right=(left + width) / 100, top=0.93, bottom=0.17 if turned else 0.28, hspace=0.25)
         for number, grip in enumerate(held):
@@ -122,7 +121,5 @@ def contact_picture(run: Execution, held: list[Grip], left: float, width: float)
             axes.spines[["top", "right"]].set_visible(False)
         panels[-1].set_xlabel("time [s]", fontsize=9)
         figure.align_ylabels(panels)
-        written = io.StringIO()
-        figure.savefig(written, format="svg", metadata={"Date": None})
-    svg = written.getvalue()
-    return svg[svg.index("<svg") :]
+
+    return inline_svg(2.6 if turned else 1.6, draw)

@@ -1,6 +1,5 @@
 """Bending over time and arclength, planned beside simulated, with the way of the packet: for bends that travel."""
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from octoctrl.sim.errors import OctoctrlError
 from ..carrying.results import Execution
 from ..files.writing import check_target, write_figure
 from ..judging.packet import PacketTrack, packets
+from .inline import inline_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,13 +63,13 @@ def kymograph(run: Execution, path: str | Path | None = None, *, overwrite: bool
     return figure
 
 
-def packet_picture(run: Execution, left: float, width: float) -> str:
+def packet_picture(planned: PacketTrack, simulated: PacketTrack, left: float, width: float) -> str:
     """The same for a page: one above the other, on the time axis of its other pictures.
 
     Parameters
     ----------
-    run : Execution
-        Whose plan carries a shape.
+    planned, simulated : PacketTrack
+        At the same instants.
     left, width : float
         Where the time axis begins and how long it is, in percent of the picture's width.
 
@@ -78,23 +78,14 @@ def packet_picture(run: Execution, left: float, width: float) -> str:
     str
         SVG, with text as text; the same run gives the same bytes.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
 
-    planned, simulated = packets(run)
-    assert planned is not None
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "octoctrl", "font.family": "sans-serif"}):
-        figure = Figure(figsize=(8.6, 5.4))
-        FigureCanvasSVG(figure)
+    def draw(figure: "Figure") -> None:
         panels = list(figure.subplots(len(PANELS), 1, sharex=True))
         figure.subplots_adjust(left=left / 100, right=(left + width) / 100, top=0.95, bottom=0.09, hspace=0.28)
         draw_kymographs(panels, planned, simulated, beside=True)
         panels[-1].set_xlabel("time [s]", fontsize=9)
-        written = io.StringIO()
-        figure.savefig(written, format="svg", metadata={"Date": None})
-    svg = written.getvalue()
-    return svg[svg.index("<svg") :]
+
+    return inline_svg(5.4, draw)
 
 
 def draw_kymographs(panels: "Sequence[Axes]", planned: PacketTrack, simulated: PacketTrack, *, beside: bool = False) -> None:

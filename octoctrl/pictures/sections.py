@@ -14,7 +14,7 @@ from ..citation import CITATION
 from ..files.configuration import Configuration, RunSettings
 from ..files.store import versions
 from ..files.toml_writing import toml_of
-from ..judging.packet import packets
+from ..judging.packet import PacketTrack, packets
 from .contact import Grip, contact_picture, grips
 from .kymograph import packet_picture
 from .traces import still_picture, traces_picture
@@ -100,10 +100,14 @@ def section(
     name = f"<h2>{html.escape(made(run))}</h2>" if several else ""
     held = grips(run)
     touching = _panel(contact_picture(run, held, left, width), left, width) if held else ""
-    travels = run.plan.strains.size and any(goal.quantity == "packet" for phase in run.plan.task.phases for goal in phase.goals)
-    travelling = _panel(packet_picture(run, left, width), left, width) if travels else ""
+    travelling = passing = ""
+    if asking := {phase.name for phase in run.plan.task.phases for goal in phase.goals if goal.quantity == "packet"}:
+        planned, simulated = packets(run)
+        if planned is not None:
+            travelling = _panel(packet_picture(planned, simulated, left, width), left, width)
+            passing = _packet(run, asking, {"planned": planned, "simulated": simulated})
     return (
-        f'<section id="run-{number}">{name}<main><div>{view}{drawn[False]}{_events(run)}{_packet(run) if travels else ""}'
+        f'<section id="run-{number}">{name}<main><div>{view}{drawn[False]}{_events(run)}{passing}'
         f"{_contact(run, held)}</div>"
         f'<div style="--left:{left:.3f}%;--width:{width:.3f}%">{traces}{travelling}{touching}{drawn[True]}'
         f"<h2>Verdict, measured on the simulation</h2>{checks_table(verdict)}</div></main>"
@@ -171,14 +175,11 @@ def _contact(run: Execution, held: list[Grip]) -> str:
     )
 
 
-def _packet(run: Execution) -> str:
+def _packet(run: Execution, asking: set[str], tracks: dict[str, PacketTrack]) -> str:
     """Where the packet of bending was, and how fast, wide and strong, at the ends of the phases that ask for it: planned, simulated."""
-    tracks = dict(zip(("planned", "simulated"), packets(run), strict=True))
-    asking = {phase.name for phase in run.plan.task.phases for goal in phase.goals if goal.quantity == "packet"}
     rows = []
     for event in run.events:
         for kind, track in tracks.items() if event.phase in asking else ():
-            assert track is not None  # where the plan carries a shape
             values = (1e3 * track.position, 1e2 * track.speed, 1e2 * track.pace, 1e3 * track.width, track.amplitude)
             cells = "".join(f"<td>{np.interp(event.actual, track.time, row):.3g}</td>" for row in values)
             rows.append(f"<tr><td>{html.escape(event.phase)}</td><td>{kind}</td>{cells}</tr>")

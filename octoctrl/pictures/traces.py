@@ -2,10 +2,18 @@
 
 import base64
 import io
+from typing import TYPE_CHECKING
 
 from ..carrying.results import Execution
 from ..judging.comparison import compare
 from . import plots
+from .inline import inline_svg
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LEFT, RIGHT = 0.13, 0.89
+"""Where the time axis begins and ends, in shares of the picture's width."""
 
 
 def traces_picture(run: Execution) -> tuple[str, float, float]:
@@ -22,23 +30,15 @@ def traces_picture(run: Execution) -> tuple[str, float, float]:
     left, width : float
         Where the time axis begins and how long it is, in percent of the picture's width.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
     comparison = compare(run, overlap=True)
     drives = max(len(run.plan.schedule.primitives), 2)
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "octoctrl", "font.family": "sans-serif"}):
-        figure = Figure(figsize=(8.6, 5.2 + 0.34 * drives))
-        FigureCanvasSVG(figure)
+
+    def draw(figure: "Figure") -> None:
         panels = figure.subplots(4, 1, height_ratios=(1, 1, 1, 0.34 * drives))
-        figure.subplots_adjust(left=0.13, right=0.89, top=0.95, bottom=0.08, hspace=0.25)
+        figure.subplots_adjust(left=LEFT, right=RIGHT, top=0.95, bottom=0.08, hspace=0.25)
         plots.draw_over_time(panels, run, comparison)
-        written = io.StringIO()
-        figure.savefig(written, format="svg", metadata={"Date": None})
-        box = panels[0].get_position()
-    svg = written.getvalue()
-    return svg[svg.index("<svg") :], 100 * float(box.x0), 100 * float(box.width)
+
+    return inline_svg(5.2 + 0.34 * drives, draw), 100 * LEFT, 100 * (RIGHT - LEFT)
 
 
 def still_picture(run: Execution) -> str:

@@ -1,38 +1,44 @@
-"""Ctrl-C while planning: kept until the next simulation of the model, at most some milliseconds, and raised there.
+"""Ctrl-C and termination while planning: kept until the next simulation of the model, at most some milliseconds, and treated there.
 
-CasADi calls Python and numpy calls CasADi; an exception that a signal raises amid these is lost or comes back as another error.
+CasADi calls Python and numpy calls CasADi; an exception that a signal's handler raises amid these is lost or comes back as another error.
 """
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
-_pending = threading.Event()
+KEPT = (signal.SIGINT, signal.SIGTERM)
+
+_pending: list[Callable[[], Any]] = []
+"""What is left to be called, by signals that have come."""
 
 
 def heed() -> None:
-    """Raise the KeyboardInterrupt of a Ctrl-C that has come, if this thread is the one that it is meant for."""
-    if _pending.is_set() and threading.current_thread() is threading.main_thread():
+    """Call the handler of the first signal that has come, if this is the thread that handles them; it may raise, as that of Ctrl-C does."""
+    if _pending and threading.current_thread() is threading.main_thread():
+        treat = _pending[0]
         _pending.clear()
-        raise KeyboardInterrupt
+        treat()
 
 
 @contextmanager
 def interrupts_kept() -> Iterator[None]:
-    """Keep Ctrl-C for `heed`, which is called at the end as well; handlers of the user's own, and other threads, are left alone."""
-    usual = signal.default_int_handler
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not usual:
-        yield
-        return
+    """Keep signals that a Python function handles for `heed`, which is called at the end as well; other threads are left alone."""
+    usual: dict[int, Callable[..., Any]] = {number: handler for number in KEPT if callable(handler := signal.getsignal(number))}
+    if threading.current_thread() is not threading.main_thread():
+        usual = {}
 
-    def keep(_number: int, _frame: Any) -> None:
-        _pending.set()
+    def keep(number: int, _frame: Any) -> None:
+        _pending.append(partial(usual[number], number, None))
 
-    signal.signal(signal.SIGINT, keep)
+    for number in usual:
+        signal.signal(number, keep)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, usual)
+        for number, handler in usual.items():
+            signal.signal(number, handler)
         heed()

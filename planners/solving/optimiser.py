@@ -262,10 +262,4 @@ def _solver(problem: Problem, constraints: _Constraints, watch: _Watch, price: c
         "show_eval_warnings": False, "print_header": False, "print_iteration": False, "print_status": False, "print_time": False,
     }  # fmt: skip
     task: dict[str, Any] = {"x": z, "f": price(z * scale), "g": constraints(z)}
-    try:
-        return ca.nlpsol("planner", "sqpmethod", task, options)
-    except RuntimeError as error:
-        # CasADi asks our callbacks for their derivatives here, and wraps an interrupt that comes meanwhile into an error of its own.
-        if "KeyboardInterrupt" in str(error):
-            raise KeyboardInterrupt from None
-        raise
+    return ca.nlpsol("planner", "sqpmethod", task, options)

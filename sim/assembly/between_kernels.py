@@ -47,7 +47,7 @@ def between_kernels(grid: AssemblyGrid) -> Any:
     bring, _, give, _ = transfer_kernels(grid)
 
     @kernel
-    def gather(b, part, ring_index, helix_index):
+    def gather(b: Any, part: Any, ring_index: Any, helix_index: Any) -> None:
         for j in range(helices):
             for i in range(part.first, part.last):
                 k = np.uint64(j) * L + i
@@ -56,7 +56,7 @@ def between_kernels(grid: AssemblyGrid) -> Any:
                 bring(b, k, helix_index[0, k], HX1, HX2, HX3, H)
 
     @kernel
-    def connect(b, part):
+    def connect(b: Any, part: Any) -> None:
         for j in range(helices):
             start = np.uint64(j) * L
             for k in range(start + part.low, start + part.high):
@@ -93,12 +93,12 @@ def between_kernels(grid: AssemblyGrid) -> Any:
                 b[FE + k], b[FE + row + k], b[FE + row + row + k] = -share * n1, -share * n2, -share * n3
 
     @kernel
-    def give_rings(b, part, ring_index):
+    def give_rings(b: Any, part: Any, ring_index: Any) -> None:
         for place in range(4):
             give(b, 0, helices, part.first, part.last, ring_index[place], results[place], RF1, RF2, RF3)
 
     @kernel
-    def give_helices(b, part, helix_index):
+    def give_helices(b: Any, part: Any, helix_index: Any) -> None:
         give(b, 0, helices, part.met, part.unmet, helix_index[0], FH, HF1, HF2, HF3)
 
     return gather, connect, give_rings, give_helices

@@ -63,9 +63,10 @@ def compiled(
 ) -> Callable[..., Any]:
     """The compiled loop of an assembly, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
     from .contact_kernels import contact_kernels
+    from .hydrostat_terms import hydrostat_terms
     from .published_contact_kernels import published_contact_kernels
+    from .published_terms import published_terms
     from .stepping import assembly_stepper
-    from .terms import hydrostat_terms, published_terms
 
     if published:
         phases, watching = published_terms(grid, traits, inclination, loaded, touching), published_contact_kernels

@@ -46,20 +46,20 @@ def transfer_kernels(grid: AssemblyGrid) -> Any:
     L, last, helices, row = np.uint64(grid.lanes), np.uint64(grid.rings + 1), grid.helices, np.uint64(stride_of(grid.helices, grid.lanes))
 
     @kernel
-    def bring(b, k, source, x1, x2, x3, target):
+    def bring(b: Any, k: Any, source: Any, x1: Any, x2: Any, x3: Any, target: Any) -> None:
         b[target + k] = b[x1 + source]
         b[target + row + k] = b[x2 + source]
         b[target + row + row + k] = b[x3 + source]
 
     @kernel
-    def fetch_radius(b, index, radius, target):
+    def fetch_radius(b: Any, index: Any, radius: Any, target: Any) -> None:
         for j in range(helices):
             for i in range(ONE, last):
                 k = np.uint64(j) * L + i
                 b[target + k] = b[radius + index[k]]
 
     @kernel
-    def give(b, helix, end, first, last, index, source, f1, f2, f3):
+    def give(b: Any, helix: Any, end: Any, first: Any, last: Any, index: Any, source: Any, f1: Any, f2: Any, f3: Any) -> None:
         for j in range(helix, end):
             for i in range(first, last):
                 k = np.uint64(j) * L + i
@@ -69,7 +69,9 @@ def transfer_kernels(grid: AssemblyGrid) -> Any:
                 b[f3 + target] += b[source + row + row + k]
 
     @kernel
-    def give_some(b, push, helix, end, first, last, index, source, f1, f2, f3):
+    def give_some(
+        b: Any, push: Any, helix: Any, end: Any, first: Any, last: Any, index: Any, source: Any, f1: Any, f2: Any, f3: Any
+    ) -> None:
         for j in range(helix, end):
             for i in range(first, last):
                 k = np.uint64(j) * L + i
@@ -103,7 +105,7 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False) -> Any:
     bring, fetch_radius, give, give_some = transfer_kernels(grid)
 
     @kernel
-    def gather(b, part, ring_index, helix_index):
+    def gather(b: Any, part: Any, ring_index: Any, helix_index: Any) -> None:
         for j in range(helices):
             for i in range(part.first, part.last):
                 k = np.uint64(j) * L + i
@@ -142,14 +144,14 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False) -> Any:
     P_PUSH, N_PUSH = c["P_PUSH"], c["N_PUSH"]
 
     @kernel(inline="always")
-    def push(d1, d2, d3, reach, stiffness, effective):
+    def push(d1: Any, d2: Any, d3: Any, reach: Any, stiffness: Any, effective: Any) -> Any:
         # Contact force over distance, from the overlap at the distance vector d.
         distance = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
         overlap = max(reach - distance, 0.0)
         return stiffness * overlap * np.sqrt(overlap / np.sqrt(1.0 + (effective * overlap) ** 2)) / distance
 
     @kernel
-    def connect(b, part):
+    def connect(b: Any, part: Any) -> None:
         for j in range(helices):
             start = np.uint64(j) * L
             for k in range(start + part.low, start + part.high):
@@ -203,7 +205,7 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False) -> Any:
     left = helices // 2
 
     @kernel
-    def give_rings(b, part, ring_index):
+    def give_rings(b: Any, part: Any, ring_index: Any) -> None:
         # The joint acts on S, O and H everywhere, contacts on the others where they overlap.
         first, last = part.first, part.last
         give_some(b, N_PUSH, 0, helices, first, last, ring_index[0], ring_forces[0], RF1, RF2, RF3)
@@ -215,7 +217,7 @@ def crossing_kernels(grid: AssemblyGrid, published: bool = False) -> Any:
             give(b, 0, helices, first, last, ring_index[5], FO1, RF1, RF2, RF3)
 
     @kernel
-    def give_helices(b, part, helix_index):
+    def give_helices(b: Any, part: Any, helix_index: Any) -> None:
         # P is the next helix node on the left-handed helices, and the one before on the others.
         give_some(b, P_PUSH, 0, left, part.first, part.last, helix_index[0], helix_forces[0], HF1, HF2, HF3)
         give_some(b, P_PUSH, left, helices, part.met, part.unmet, helix_index[0], helix_forces[0], HF1, HF2, HF3)

@@ -58,14 +58,14 @@ def position_kernels(grid: AssemblyGrid, rings: bool) -> Any:
     X1, X2, X3, V1, V2, V3, LOW1, LOW2, LOW3 = (o[f"{name}{i}"] for name in ("X", "V", "LOW") for i in (1, 2, 3))
 
     @kernel
-    def apart(b, q, k):
+    def apart(b: Any, q: Any, k: Any) -> Any:
         d1, d2, d3 = b[X1 + q] - b[X1 + k], b[X2 + q] - b[X2 + k], b[X3 + q] - b[X3 + k]
         if single:
             d1, d2, d3 = d1 + (b[LOW1 + q] - b[LOW1 + k]), d2 + (b[LOW2 + q] - b[LOW2 + k]), d3 + (b[LOW3 + q] - b[LOW3 + k])
         return d1, d2, d3
 
     @kernel
-    def advance(b, k, h):
+    def advance(b: Any, k: Any, h: Any) -> None:
         if single:
             x1, x2, x3 = b[X1 + k], b[X2 + k], b[X3 + k]
             y1, y2, y3 = h * b[V1 + k] + b[LOW1 + k], h * b[V2 + k] + b[LOW2 + k], h * b[V3 + k] + b[LOW3 + k]
@@ -121,7 +121,7 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
     VISCOSITY, SCALE, IMPULSE, CORRECTION = (o[k] for k in ("VISCOSITY", "SCALE", "IMPULSE", "CORRECTION"))
 
     @kernel
-    def drift(b, first, last, h):
+    def drift(b: Any, first: Any, last: Any, h: Any) -> None:
         for k in range(first, last):
             advance(b, k, h)
             u1, u2, u3 = h * b[W1 + k], h * b[W2 + k], h * b[W3 + k]
@@ -131,7 +131,7 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
             b[Q13 + k], b[Q23 + k], b[Q33 + k] = turned(r, b[Q13 + k], b[Q23 + k], b[Q33 + k])
 
     @kernel
-    def straighten(b, first, last):
+    def straighten(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             frame = orthonormal(
                 b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k]
@@ -139,7 +139,7 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
             b[Q11 + k], b[Q12 + k], b[Q13 + k], b[Q21 + k], b[Q22 + k], b[Q23 + k], b[Q31 + k], b[Q32 + k], b[Q33 + k] = frame
 
     @kernel
-    def strain(b, first, last, share, elastic, law):
+    def strain(b: Any, first: Any, last: Any, share: Any, elastic: Any, law: Any) -> None:
         for k in range(first, last):
             q = k + step
             d1, d2, d3 = apart(b, q, k)
@@ -176,7 +176,7 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
             b[TORQUE3 + k] = (m1 * s2 - m2 * s1) * length + twisting * swelling * w3
 
     @kernel
-    def bend(b, first, last):
+    def bend(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             p = k - step
             joint, inverse = b[JOINT_LENGTH + k], b[INVERSE_JOINT + k]
@@ -196,7 +196,7 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
             b[R1 + k], b[R2 + k], b[R3 + k] = m1 - a1, m2 - a2, m3 - a3
 
     @kernel
-    def kick(b, first, last):
+    def kick(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             p = k - step
             decay, mobility = b[NODE_DECAY + k], b[NODE_MOBILITY + k]
@@ -208,7 +208,7 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
             b[V3 + k] = v3 + mobility * (b[N3 + k] - b[N3 + p] + b[F3 + k])
 
     @kernel
-    def spin(b, first, last):
+    def spin(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             q = k + step
             bend_decay, bend_mobility = b[BEND_DECAY + k], b[BEND_MOBILITY + k] * b[STRETCH + k]
@@ -225,7 +225,7 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
             b[W3 + k] = b[TWIST_DECAY + k] * b[W3 + k] + b[TWIST_MOBILITY + k] * b[STRETCH + k] * torque3
 
     @kernel
-    def axial(b, first, last):
+    def axial(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             q = k + step
             t1, t2, t3 = b[T1 + k], b[T2 + k], b[T3 + k]
@@ -235,14 +235,14 @@ def family_kernels(grid: AssemblyGrid, rings: bool, graded: bool = False, plain:
             b[IMPULSE + k] = along - b[RATE + k] * b[LENGTH + k]
 
     @kernel
-    def elongate(b, first, last):
+    def elongate(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             q = k + step
             d1, d2, d3 = b[V1 + q] - b[V1 + k], b[V2 + q] - b[V2 + k], b[V3 + q] - b[V3 + k]
             b[RATE + k] = (b[T1 + k] * d1 + b[T2 + k] * d2 + b[T3 + k] * d3) * b[INVERSE_LENGTH + k]
 
     @kernel
-    def correct(b, first, last):
+    def correct(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             p = k - step
             mobility, here, before = b[NODE_MOBILITY + k], b[IMPULSE + k], b[IMPULSE + p]
@@ -271,7 +271,7 @@ def ring_solver(grid: AssemblyGrid) -> Any:
     width, end = np.uint64(lanes), np.uint64(nodes * lanes)
 
     @kernel
-    def solve(b, part):
+    def solve(b: Any, part: Any) -> None:
         # RATE is not needed any more and holds the second right-hand side.
         for i in range(part.low, part.high):
             k, last = width + i, end + i
@@ -291,16 +291,16 @@ def ring_solver(grid: AssemblyGrid) -> Any:
                 b[CYCLE + k] = -scale * coupling * b[CYCLE + p]
         for i in range(part.low, part.high):
             b[CYCLE + end + i] += b[SCALE + end + i] * b[CORRECTION + end + i]
-        node = np.uint64(nodes - 1)
-        while node >= ONE:
-            base = node * width
+        place = np.uint64(nodes - 1)
+        while place >= ONE:
+            base = place * width
             for i in range(part.low, part.high):
                 k = base + i
                 q = k + width
                 back = b[SCALE + k] * b[CORRECTION + k]
                 b[IMPULSE + k] -= back * b[IMPULSE + q]
                 b[CYCLE + k] -= back * b[CYCLE + q]
-            node -= ONE
+            place -= ONE
         for i in range(part.low, part.high):
             k, last = width + i, end + i
             # u = (-d, 0, ..., c), v = (1, 0, ..., -c / d) with d the first diagonal, which the first pivot still holds.
@@ -322,7 +322,7 @@ def ring_solver(grid: AssemblyGrid) -> Any:
     seam = np.uint64(nodes * lanes)
 
     @kernel
-    def close_state(b, part):
+    def close_state(b: Any, part: Any) -> None:
         for row in first_rows:
             for i in range(part.low, part.high):
                 b[row + seam + width + i] = b[row + width + i]
@@ -331,19 +331,19 @@ def ring_solver(grid: AssemblyGrid) -> Any:
                 b[row + i] = b[row + seam + i]
 
     @kernel
-    def close_strain(b, part):
+    def close_strain(b: Any, part: Any) -> None:
         for row in seam_before:
             for i in range(part.low, part.high):
                 b[row + i] = b[row + seam + i]
 
     @kernel
-    def close_moment(b, part):
+    def close_moment(b: Any, part: Any) -> None:
         for row in after_rows:
             for i in range(part.low, part.high):
                 b[row + seam + width + i] = b[row + width + i]
 
     @kernel
-    def close_speed(b, part):
+    def close_speed(b: Any, part: Any) -> None:
         for row in speed_rows:
             for i in range(part.low, part.high):
                 b[row + seam + width + i] = b[row + width + i]
@@ -363,7 +363,7 @@ def ring_spin_brake(grid: AssemblyGrid) -> Any:
     width, last, each = np.uint64(lanes), np.uint64(nodes + 1), 1 / nodes
 
     @kernel
-    def brake(b, part, share):
+    def brake(b: Any, part: Any, share: Any) -> None:
         for i in range(part.low, part.high):
             b[MEAN1 + i], b[MEAN2 + i], b[MEAN3 + i] = 0.0, 0.0, 0.0
         for node in range(ONE, last):
@@ -398,7 +398,7 @@ def cord_brake(grid: AssemblyGrid) -> Any:
     each = 1 / grid.spokes
 
     @kernel
-    def brake(b, part, share):
+    def brake(b: Any, part: Any, share: Any) -> None:
         # The first node is held, or slides in its plane as those of the muscles do.
         for row in velocities:
             for k in range(part.node + ONE if part.before == 0 else part.node, part.behind):

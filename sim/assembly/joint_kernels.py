@@ -48,7 +48,7 @@ def ring_joints(grid: AssemblyGrid) -> Any:
     EDGE1, EDGE2, EDGE3, FAR1, FAR2, FAR3, SIDE1, SIDE2, SIDE3 = (s[f"{f}{i}"] for f in ("EDGE", "FAR", "SIDE") for i in (1, 2, 3))
 
     @kernel
-    def ring_muscle(b, first, last):
+    def ring_muscle(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             s1, s2, s3 = b[S1 + k], b[S2 + k], b[S3 + k]
             o1, o2, o3 = s1 - b[S1 + k + half], s2 - b[S2 + k + half], s3 - b[S3 + k + half]
@@ -89,14 +89,14 @@ def ring_joints(grid: AssemblyGrid) -> Any:
             b[SUM + k] -= (along + push) * radius
 
     @kernel(inline="always")
-    def slip(b, k, n):
+    def slip(b: Any, k: Any, n: Any) -> Any:
         # Of ring n against ring k: half of the mean direction's half, what either of the two directions is turned with.
         d1, d2, d3 = b[S1 + n] - b[S1 + k], b[S2 + n] - b[S2 + k], b[S3 + n] - b[S3 + k]
         slipped = d1 * (b[H1 + k] + b[H1 + n]) + d2 * (b[H2 + k] + b[H2 + n]) + d3 * (b[H3 + k] + b[H3 + n])
         return 0.25 * b[R_NEXT + k] * slipped
 
     @kernel
-    def ring_ring(b, first, last):
+    def ring_ring(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             n, p = k + ONE, k - ONE
             h1, h2, h3, across = b[H1 + k], b[H2 + k], b[H3 + k], b[ACROSS + k]
@@ -136,7 +136,7 @@ def load_kernels(grid: AssemblyGrid) -> Any:
     EDGE1, EDGE2, EDGE3, FAR1, FAR2, FAR3, SIDE1, SIDE2, SIDE3 = (s[f"{f}{i}"] for f in ("EDGE", "FAR", "SIDE") for i in (1, 2, 3))
 
     @kernel
-    def tense(b, begin, end):
+    def tense(b: Any, begin: Any, end: Any) -> None:
         for k in range(begin, end):
             n = k + first - L
             pull = 0.5 * b[SUM + n] / (b[STRETCH + k] * b[LENGTH + k])
@@ -147,13 +147,13 @@ def load_kernels(grid: AssemblyGrid) -> Any:
     pull_on = sweep(grid, "straight", tense)
 
     @kernel
-    def load(b, part):
+    def load(b: Any, part: Any) -> None:
         for n in range(first - L + part.low, first - L + part.high):
             b[EDGE1 + n], b[EDGE2 + n], b[EDGE3 + n] = 0.0, 0.0, 0.0
         pull_on(b, part)
 
     @kernel
-    def hand_on(b, part):
+    def hand_on(b: Any, part: Any) -> None:
         for m in range(spokes):
             ring, k0 = np.uint64(pitch * m + 1) * L, np.uint64(m + slot) * L
             opposite = np.uint64((m + spokes // 2) % spokes + slot) * L

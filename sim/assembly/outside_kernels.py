@@ -34,7 +34,7 @@ def outside_kernels(grid: AssemblyGrid) -> tuple[Callable[..., Any], Callable[..
     rods, lanes = grid.straight_rods, np.uint64(grid.lanes)
 
     @kernel
-    def find(b, part, outside, shares, before, after, share):
+    def find(b: Any, part: Any, outside: Any, shares: Any, before: Any, after: Any, share: Any) -> None:
         follows = before.shape[0] > NEAR
         for c in range(3):
             for k in range(part.node, part.behind):
@@ -52,7 +52,7 @@ def outside_kernels(grid: AssemblyGrid) -> tuple[Callable[..., Any], Callable[..
                     outside[c, np.uint64(rod) * lanes + k] = shares[rod, node] * force
 
     @kernel
-    def add(b, part, outside):
+    def add(b: Any, part: Any, outside: Any) -> None:
         for c in range(3):
             for rod in range(rods):
                 for k in range(np.uint64(rod) * lanes + part.node, np.uint64(rod) * lanes + part.behind):

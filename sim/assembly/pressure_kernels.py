@@ -87,12 +87,12 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
     RT1, RT2, RT3 = (g[f"T{i}"] for i in (1, 2, 3))
 
     @kernel(inline="always")
-    def beside(node):
+    def beside(node: Any) -> Any:
         # Slots of the nodes before and after.
         return np.uint64(node - 1 if node > 1 else nodes) * L, np.uint64(node + 1 if node < nodes else 1) * L
 
     @kernel
-    def measure(b, part):
+    def measure(b: Any, part: Any) -> None:
         for row in (A1, A2, A3, E1, E2, E3):
             for i in range(part.low, part.high):
                 b[row + i] = 0.0
@@ -120,7 +120,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
             b[PRESSURE + i] = b[BULK + i] * (1.0 - volume / b[REST + i])
 
     @kernel
-    def press(b, part):
+    def press(b: Any, part: Any) -> None:
         for node in range(1, nodes + 1):
             here, (before, after) = np.uint64(node) * L, beside(node)
             for i in range(part.low, part.high):
@@ -139,7 +139,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
                 b[N3 + k] -= load * b[A3 + i]
 
     @kernel
-    def swell(b, part, h):
+    def swell(b: Any, part: Any, h: Any) -> None:
         # (V(x + h v) - V(x)) / h = a.e' + a'.(e + h e'), with e' and a' what a step does to e and a, over h; relative to the first node.
         for row in (B1, B2, B3, D1, D2, D3):
             for i in range(part.low, part.high):
@@ -171,7 +171,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
             b[IMPULSE + i] = -rate
 
     @kernel
-    def resist(b, part, h):
+    def resist(b: Any, part: Any, h: Any) -> None:
         for row in (SCALE, COUPLING, GIVE, DRAW):
             for i in range(part.low, part.high):
                 b[row + i] = 0.0
@@ -204,7 +204,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
         eliminate(b, part.first, part.last, part.middle, zero, zero, alone)
 
     @kernel
-    def deflate(b, part):
+    def deflate(b: Any, part: Any) -> None:
         substitute(b, part.first, part.last, part.middle, zero, zero, alone)
         for node in range(1, nodes + 1):
             here, (before, after) = np.uint64(node) * L, beside(node)
@@ -218,7 +218,7 @@ def pressure_kernels(grid: AssemblyGrid, sliding: bool) -> Any:
                 b[RV3 + k] += e1 * d2 - e2 * d1
 
     @kernel
-    def settle(b, part):
+    def settle(b: Any, part: Any) -> None:
         for rod in range(ONE, straight):
             for i in range(part.low, part.high):
                 k, p = rod * L + i, i - ONE

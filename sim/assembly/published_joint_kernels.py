@@ -47,7 +47,7 @@ def published_ring_joints(grid: AssemblyGrid, inclination: float) -> Any:
     F1_R, F2_R, F3_R, T1_R, T2_R, T3_R, F1_X, F2_X, F3_X = (s[k] for k in "F1_R F2_R F3_R T1_R T2_R T3_R F1_X F2_X F3_X".split())
 
     @kernel
-    def ring_muscle(b):
+    def ring_muscle(b: Any) -> None:
         for k in range(begin, end):
             s1, s2, s3 = b[S1 + k], b[S2 + k], b[S3 + k]
             o1, o2, o3 = s1 - b[S1 + k + half], s2 - b[S2 + k + half], s3 - b[S3 + k + half]
@@ -102,7 +102,7 @@ def published_ring_joints(grid: AssemblyGrid, inclination: float) -> Any:
             b[T3 + k] += t3
 
     @kernel
-    def ring_ring(b):
+    def ring_ring(b: Any) -> None:
         for k in range(begin, end - ONE):
             n = k + ONE
             o1, o2, o3, p1, p2, p3 = b[O1 + k], b[O2 + k], b[O3 + k], b[P1 + k], b[P2 + k], b[P3 + k]
@@ -129,7 +129,7 @@ def squeeze_kernels(grid: AssemblyGrid) -> Any:
     RF1, RF2, RF3, RC1, RC2, RC3 = (g[k] for k in ("F1", "F2", "F3", "C1", "C2", "C3"))
 
     @kernel
-    def squeeze(b):
+    def squeeze(b: Any) -> None:
         for k in range(L * straight):
             n = k + first - L
             radius, length = b[LRADIUS + k], b[STRETCH + k] * b[LENGTH + k]
@@ -140,7 +140,7 @@ def squeeze_kernels(grid: AssemblyGrid) -> Any:
             b[N3 + k] -= push * b[D3 + k]
 
     @kernel
-    def hand_on(b):
+    def hand_on(b: Any) -> None:
         for m in range(spokes):
             ring, spoke = np.uint64(pitch * m + 1) * L, np.uint64(m + slot) * L
             for i in range(ONE, last):
@@ -165,7 +165,7 @@ def even_repulsion(grid: AssemblyGrid) -> Any:
     F1_R, F2_R, F3_R, PUSH = (s[k] for k in ("F1_R", "F2_R", "F3_R", "F1_X"))
 
     @kernel
-    def repel(b):
+    def repel(b: Any) -> None:
         for k in range(start, stop):
             o1, o2, o3, p1, p2, p3 = b[O1 + k], b[O2 + k], b[O3 + k], b[P1 + k], b[P2 + k], b[P3 + k]
             c1, c2, c3 = b[M1 + k] - b[S1 + k], b[M2 + k] - b[S2 + k], b[M3 + k] - b[S3 + k]

@@ -59,7 +59,7 @@ def published_strain(grid: AssemblyGrid, rings: bool, graded: bool = False, bare
     )
 
     @kernel
-    def strain(b, first, last, share, elastic, law):
+    def strain(b: Any, first: Any, last: Any, share: Any, elastic: Any, law: Any) -> None:
         for k in range(first, last):
             q = k + step
             d1, d2, d3 = b[X1 + q] - b[X1 + k], b[X2 + q] - b[X2 + k], b[X3 + q] - b[X3 + k]
@@ -107,12 +107,12 @@ def velocity_filters(grid: AssemblyGrid, rings: bool = True) -> Any:
     L, end, behind = np.uint64(grid.lanes), np.uint64(grid.ring_nodes * grid.lanes), np.uint64(grid.ring_nodes + 1)
 
     @kernel
-    def once(b, source, target, mask, first, last):
+    def once(b: Any, source: Any, target: Any, mask: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             b[target + k] = 0.25 * b[mask + k] * (2 * b[source + k] - b[source + k - ONE] - b[source + k + ONE])
 
     @kernel
-    def ring_once(b, source, target):
+    def ring_once(b: Any, source: Any, target: Any) -> None:
         for node in range(ONE, behind):
             base = node * L
             for i in range(L):
@@ -120,7 +120,7 @@ def velocity_filters(grid: AssemblyGrid, rings: bool = True) -> Any:
                 b[target + k] = 0.25 * (2 * b[source + k] - b[source + k - L] - b[source + k + L])
 
     @kernel
-    def smooth(b, first, last):
+    def smooth(b: Any, first: Any, last: Any) -> None:
         for row in range(6):
             u, mask = open_rows[row], NODES if row < 3 else ELEMENTS
             once(b, u, A, mask, first, last)
@@ -153,13 +153,13 @@ def published_drag(grid: AssemblyGrid) -> Any:
     """
     o, g, lanes = family_offsets(grid, False), family_offsets(grid, True), grid.lanes
 
-    def braking(table, step):
+    def braking(table: Any, step: Any) -> Any:
         V1, V2, V3, W1, W2, W3, F1, F2, F3 = (table[f"{field}{i}"] for field in "VWF" for i in (1, 2, 3))
         TORQUE1, TORQUE2, TORQUE3, E1, E2, E3 = (table[k] for k in "TORQUE1 TORQUE2 TORQUE3 SCALE IMPULSE CORRECTION".split())
         INERTIA, AREA, STRETCH = table["BEND_INERTIA"], table["AREA"], table["STRETCH"]
 
         @kernel
-        def on_elements(b, first, last, rate):
+        def on_elements(b: Any, first: Any, last: Any, rate: Any) -> None:
             for k in range(first, last):
                 q = k + step
                 # Mass from the rotary inertia m A / (4 pi) of a full section.
@@ -173,7 +173,7 @@ def published_drag(grid: AssemblyGrid) -> Any:
                 b[TORQUE3 + k] -= turn * b[W3 + k]
 
         @kernel
-        def on_nodes(b, first, last):
+        def on_nodes(b: Any, first: Any, last: Any) -> None:
             for k in range(first, last):
                 p = k - step
                 b[F1 + k] -= b[E1 + k] + b[E1 + p]
@@ -189,7 +189,7 @@ def published_drag(grid: AssemblyGrid) -> Any:
     L, ring_end, seam = np.uint64(lanes), np.uint64((grid.ring_nodes + 1) * lanes), np.uint64(grid.ring_nodes * lanes)
 
     @kernel
-    def brake(b, oblique_rate, ring_rate):
+    def brake(b: Any, oblique_rate: Any, ring_rate: Any) -> None:
         open_elements(b, helix, helix_end, oblique_rate)
         open_nodes(b, helix + ONE, helix_end)
         ring_elements(b, L, ring_end, ring_rate)

@@ -41,7 +41,7 @@ def ring_mass_kernels(grid: AssemblyGrid) -> Any:
     ROOT, GAIN, CLOSURE, UP, DOWN, SHARE = (t[k] for k in ("ROOT", "GAIN", "CLOSURE", "UP", "DOWN", "SHARE"))
 
     @kernel
-    def smooth(b, part):
+    def smooth(b: Any, part: Any) -> None:
         for row in range(3):
             v, old = rows[row], kept[row]
             for i in range(part.low, part.high):
@@ -64,12 +64,12 @@ def ring_mass_kernels(grid: AssemblyGrid) -> Any:
             for i in range(part.low, part.high):
                 b[DOWN + i] *= b[CLOSURE + i]
             # Down: z_q = y_q + r z_q+1.
-            node = nodes
-            while node >= ONE:
+            place = nodes
+            while place >= ONE:
                 for i in range(part.low, part.high):
-                    k = node * L + i
+                    k = place * L + i
                     z = b[v + k] + b[ROOT + i] * b[DOWN + i]
                     b[DOWN + i], b[v + k] = z, b[old + k] + b[GAIN + i] * z
-                node -= ONE
+                place -= ONE
 
     return smooth

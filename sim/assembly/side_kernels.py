@@ -40,7 +40,7 @@ def side_kernels(grid: AssemblyGrid, published: bool) -> Any:
     NU11, NU12, NU13, NU21, NU22, NU23 = (s[f"NU{i}{j}"] for i in (1, 2) for j in (1, 2, 3))
     N_GAP, N_SPRING, N_CONTACT = (s[k] for k in ("N_GAP", "N_SPRING", "N_CONTACT"))
 
-    def results(suffix):
+    def results(suffix: Any) -> Any:
         return tuple(s[f"{name}{suffix}"] for name in ("F1", "F2", "F3", "T1", "T2", "T3", "SUM", "G1", "G2", "G3"))
 
     F1, F2, F3, T1, T2, T3, SUM, G1, G2, G3 = results("")
@@ -48,7 +48,23 @@ def side_kernels(grid: AssemblyGrid, published: bool) -> Any:
     F1_C, F2_C, F3_C, T1_C, T2_C, T3_C, SUM_C, G1_C, G2_C, G3_C = results("_C")
 
     @kernel(inline="always")
-    def side_by_side(c1, c2, c3, u1, u2, u3, v1, v2, v3, radius1, radius2, share1, share2, spring, contact):
+    def side_by_side(
+        c1: Any,
+        c2: Any,
+        c3: Any,
+        u1: Any,
+        u2: Any,
+        u3: Any,
+        v1: Any,
+        v2: Any,
+        v3: Any,
+        radius1: Any,
+        radius2: Any,
+        share1: Any,
+        share2: Any,
+        spring: Any,
+        contact: Any,
+    ) -> Any:
         # c: from centre to centre; u, v: directions of the connection in the lab frame. Force on the first, its torques, loads of the axes.
         reach1, reach2 = radius1 + share1, radius2 + share2
         p1, p2, p3, q1, q2, q3 = reach1 * u1, reach1 * u2, reach1 * u3, reach2 * v1, reach2 * v2, reach2 * v3
@@ -72,7 +88,7 @@ def side_kernels(grid: AssemblyGrid, published: bool) -> Any:
         return f1, f2, f3, a1, a2, a3, b1, b2, b3, load1, load2
 
     @kernel
-    def cord(b, first, last):
+    def cord(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             w1, w2, w3 = b[CU21 + k], b[CU22 + k], b[CU23 + k]
             v1 = b[Q11 + k] * w1 + b[Q21 + k] * w2 + b[Q31 + k] * w3
@@ -95,7 +111,7 @@ def side_kernels(grid: AssemblyGrid, published: bool) -> Any:
                 b[G1 + k], b[G2 + k], b[G3 + k] = load2 * v1, load2 * v2, load2 * v3
 
     @kernel
-    def neighbours(b, first, last):
+    def neighbours(b: Any, first: Any, last: Any) -> None:
         for k in range(first, last):
             n = k + L
             w1, w2, w3 = b[NU11 + k], b[NU12 + k], b[NU13 + k]

@@ -50,12 +50,12 @@ def gather_kernel(grid: AssemblyGrid, published: bool) -> Any:
     Q = tuple(tuple(o[f"Q{j}{i}"] for j in (1, 2, 3)) for i in (1, 2, 3))
 
     @kernel
-    def copy(b, part, source, target):
+    def copy(b: Any, part: Any, source: Any, target: Any) -> None:
         for i in range(part.low, part.high):
             b[target + i] = b[source + i]
 
     @kernel
-    def thickness(b, part, rod, radius, unroot):
+    def thickness(b: Any, part: Any, rod: Any, radius: Any, unroot: Any) -> None:
         # An element keeps its volume.
         for i in range(part.low, part.high):
             thinner = 1.0 / np.sqrt(b[STRETCH + rod + i])
@@ -63,7 +63,7 @@ def gather_kernel(grid: AssemblyGrid, published: bool) -> Any:
             b[radius + i] = b[PRESENT + rod + i] if published else b[REST_RADIUS + rod + i] * thinner
 
     @kernel
-    def gather(b, part):
+    def gather(b: Any, part: Any) -> None:
         for slot in range(slots):
             node = np.uint64((pitch * (slot - first)) % ring_nodes + 1)
             for row in range(4 if published else 3):
@@ -104,7 +104,7 @@ def beside_kernel(grid: AssemblyGrid, published: bool) -> Any:
     F1, F2, F3, SUM, G1, G2, G3 = (s[k] for k in ("F1", "F2", "F3", "SUM", "G1", "G2", "G3"))
 
     @kernel
-    def touching(b, part, muscle, ring):
+    def touching(b: Any, part: Any, muscle: Any, ring: Any) -> Any:
         count = 0
         for i in range(part.first, part.last):
             d1, d2, d3 = b[X1 + ring + i] - b[M1 + muscle + i], b[X2 + ring + i] - b[M2 + muscle + i], b[X3 + ring + i] - b[M3 + muscle + i]
@@ -113,7 +113,7 @@ def beside_kernel(grid: AssemblyGrid, published: bool) -> Any:
         return count
 
     @kernel
-    def beside(b, part):
+    def beside(b: Any, part: Any) -> None:
         for m in range(spokes):
             muscle = np.uint64(m + slot) * L
             for away in range(1 - pitch, pitch):
@@ -157,7 +157,7 @@ def collect_kernel(grid: AssemblyGrid, results: tuple[str, ...]) -> Any:
     rows = len(results)
 
     @kernel
-    def collect(b, part):
+    def collect(b: Any, part: Any) -> None:
         for row in range(rows):
             for i in range(part.low, part.high):
                 b[own[row] + first + i] += b[other[row] + seam + i]
@@ -191,7 +191,7 @@ def share_kernels(grid: AssemblyGrid) -> Any:
     F1, F2, F3, T1, T2, T3, RADIUS = (s[k] for k in ("F1", "F2", "F3", "T1", "T2", "T3", "RADIUS"))
 
     @kernel
-    def halve(b, first, last, normal_drag, tangent_drag):
+    def halve(b: Any, first: Any, last: Any, normal_drag: Any, tangent_drag: Any) -> None:
         for k in range(first, last):
             n = k + spoke - L
             radius, length = b[RADIUS + n], b[STRETCH + k] * b[LENGTH + k]
@@ -208,7 +208,7 @@ def share_kernels(grid: AssemblyGrid) -> Any:
             b[LC1 + k], b[LC2 + k], b[LC3 + k] = b[T1 + n], b[T2 + n], b[T3 + n]
 
     @kernel
-    def add_up(b, part):
+    def add_up(b: Any, part: Any) -> None:
         for base in range(zero, end, L):
             if part.before == zero:
                 b[E1 + base], b[E2 + base], b[E3 + base] = 0.0, 0.0, 0.0

@@ -22,7 +22,7 @@ def sliding_base(grid: AssemblyGrid) -> Any:
     nodes = tuple(np.uint64(place) for place in muscles + helices)
 
     @kernel
-    def slide(b, part):
+    def slide(b: Any, part: Any) -> None:
         if part.before == 0:
             for node in nodes:
                 b[V2 + node] = 0.0

@@ -4,6 +4,8 @@ Point p sits in element k at the share xi of its length. An impulse on its surfa
 turns the element by its lever from the centreline.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..compiler import kernel
@@ -34,11 +36,11 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
     STRETCH = o["STRETCH"]
 
     @kernel(_nrt=False)
-    def radius(b, points, p, k):
+    def radius(b: Any, points: Any, p: Any, k: Any) -> Any:
         return points.radius[p] if constant_section else points.radius[p] / np.sqrt(b[STRETCH + k])
 
     @kernel(_nrt=False)
-    def middle(b, k, xi):
+    def middle(b: Any, k: Any, xi: Any) -> Any:
         q = k + ONE
         return (
             b[X1 + k] + xi * (b[X1 + q] - b[X1 + k]),
@@ -47,13 +49,13 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
         )
 
     @kernel(_nrt=False)
-    def place(b, points, p):
+    def place(b: Any, points: Any, p: Any) -> Any:
         k = points.element[p]
         x1, x2, x3 = middle(b, k, points.share[p])
         return x1, x2, x3, radius(b, points, p, k), b[V1 + k] ** 2 + b[V2 + k] ** 2 + b[V3 + k] ** 2
 
     @kernel(_nrt=False)
-    def meet(b, points, p, body):
+    def meet(b: Any, points: Any, p: Any, body: Any) -> Any:
         # In the middle of the overlap.
         k = points.element[p]
         x1, x2, x3 = middle(b, k, points.share[p])
@@ -64,7 +66,7 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
         return gap, n1, n2, n3, x1 + arm * n1, x2 + arm * n2, x3 + arm * n3, arm
 
     @kernel(_nrt=False)
-    def velocity(b, points, p, l1, l2, l3):
+    def velocity(b: Any, points: Any, p: Any, l1: Any, l2: Any, l3: Any) -> Any:
         k, xi = points.element[p], points.share[p]
         q = k + ONE
         a1, a2, a3 = b[W1 + k], b[W2 + k], b[W3 + k]
@@ -78,17 +80,17 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
         )
 
     @kernel(_nrt=False)
-    def turning(b, k, rate):
+    def turning(b: Any, k: Any, rate: Any) -> Any:
         return (1.0 if constant_section else b[STRETCH + k]) * rate
 
     @kernel(_nrt=False)
-    def mobility(b, points, p, arm, rate):
+    def mobility(b: Any, points: Any, p: Any, arm: Any, rate: Any) -> Any:
         k, xi = points.element[p], points.share[p]
         normal = ((1 - xi) * (1 - xi) * b[MOBILITY + k] + xi * xi * b[MOBILITY + k + ONE]) * rate
         return normal, normal + arm * arm * turning(b, k, rate) * max(b[MOBILITY1 + k], b[MOBILITY2 + k], b[MOBILITY3 + k])
 
     @kernel(_nrt=False)
-    def push(b, points, p, l1, l2, l3, rate, p1, p2, p3):
+    def push(b: Any, points: Any, p: Any, l1: Any, l2: Any, l3: Any, rate: Any, p1: Any, p2: Any, p3: Any) -> None:
         k, xi = points.element[p], points.share[p]
         q, turn = k + ONE, turning(b, k, rate)
         here, there = (1 - xi) * b[MOBILITY + k] * rate, xi * b[MOBILITY + q] * rate

@@ -52,7 +52,6 @@ class Scene:
         Forces and torques on the arm from outside, see `octoctrl.sim.scene.loads`.
     objects : tuple of RigidObject
         What the arm may touch, see `octoctrl.sim.scene.objects`.
-
     self_contact : bool
         Whether the arm touches itself, without friction; otherwise it passes through itself, as coils do that are told by their link.
 
