@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import kernel
-from .friction_kernels import ZETA
+from .friction_kernels import normal_impulse
 from .near_kernels import HASTE, LEAST_MARGIN, SWELLING
 from .sweep_kernels import Surface
 
@@ -64,9 +64,7 @@ def fold_sweeps(surface: Surface) -> Any:
             if w == 0.0:
                 continue
             stiffness = folds.stiffness * min(points.length[p], points.length[q])
-            damping = 2 * ZETA * np.sqrt(stiffness / w) if gap < 0 else 0.0
-            a = h * (h * stiffness + damping)
-            size = (-h * stiffness * gap - a * closing) / (1 + a * w)
+            size = normal_impulse(gap, closing, w, stiffness, h)
             if size > 0:
                 push(b, points, p, 0.0, 0.0, 0.0, rate, size * n1, size * n2, size * n3)
                 push(b, points, q, 0.0, 0.0, 0.0, rate, -size * n1, -size * n2, -size * n3)

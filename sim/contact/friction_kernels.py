@@ -76,6 +76,14 @@ def stays_apart(
 
 
 @kernel(_nrt=False)
+def normal_impulse(gap: float, speed: float, mobility: float, stiffness: float, h: float) -> float:
+    """Impulse along the normal between surfaces at a `gap` that part with a `speed`, by the `mobility` of the pair; none is wanted below 0."""
+    damping = 2 * ZETA * np.sqrt(stiffness / mobility) if gap < 0 else 0.0
+    a = h * (h * stiffness + damping)
+    return (-h * stiffness * gap - a * speed) / (1 + a * mobility)
+
+
+@kernel(_nrt=False)
 def impulse(
     body: Floats, anchors: Floats, point: int, gap: float, n1: float, n2: float, n3: float, b1: float, b2: float, b3: float, v1: float,
     v2: float, v3: float, arm_normal: float, arm_tangent: float, crowd: float, stiffness: float, h: float,
@@ -86,9 +94,7 @@ def impulse(
     """
     normal_speed = v1 * n1 + v2 * n2 + v3 * n3
     w = crowd * (arm_normal + mobility_along(body, b1, b2, b3, n1, n2, n3))
-    damping = 2 * ZETA * np.sqrt(stiffness / w) if gap < 0 else 0.0
-    a = h * (h * stiffness + damping)
-    p = (-h * stiffness * gap - a * normal_speed) / (1 + a * w)
+    p = normal_impulse(gap, normal_speed, w, stiffness, h)
     if not p > 0:
         apart(anchors, point)
         return 0.0, 0.0, 0.0, 0.0
