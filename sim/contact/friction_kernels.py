@@ -77,7 +77,7 @@ def stays_apart(
 
 @kernel(_nrt=False)
 def normal_impulse(gap: float, speed: float, mobility: float, stiffness: float, h: float) -> float:
-    """Impulse along the normal between surfaces at a `gap` that part with a `speed`, by the `mobility` of the pair; none is wanted below 0."""
+    """Impulse along the normal between surfaces at a `gap` that part with a `speed`, by the `mobility` of the pair; none if negative."""
     damping = 2 * ZETA * np.sqrt(stiffness / mobility) if gap < 0 else 0.0
     a = h * (h * stiffness + damping)
     return (-h * stiffness * gap - a * speed) / (1 + a * mobility)
