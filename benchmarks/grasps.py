@@ -82,7 +82,7 @@ def main():
     asked.add_argument("--plant", default="rod")
     asked.add_argument("--again", action="store_true")
     given = asked.parse_args()
-    arm, rows = oc.Arm.octopus(), {}
+    arm, rows = oc.tasks.load("grasp").arm, {}
     if given.file.exists():
         for line in given.file.read_text(encoding="utf-8").splitlines():
             row = json.loads(line)

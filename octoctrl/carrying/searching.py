@@ -19,8 +19,8 @@ from octoctrl.planners.asking.task import Drive, Task
 from octoctrl.planners.asking.wrapping import TwistCurve
 from octoctrl.planners.contracts import Primitive
 from octoctrl.planners.model.reduced import ReducedModel
-from octoctrl.planners.solving.cross_entropy import Candidate, Judgement, Searched, search
-from octoctrl.planners.solving.grasping import FIRST_TWISTS, check_objects, grasp_drives, objects_held, too_short
+from octoctrl.planners.solving.cross_entropy import Candidate, Searched, search
+from octoctrl.planners.solving.grasping import check_objects, grasp_drives, objects_held, too_short
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.body.arm import Arm
@@ -32,7 +32,7 @@ from octoctrl.sim.scene.scene import Scene
 from ..progress import NullProgress, Progress
 from .calibrating import twist_curve
 from .checking import Findings, Programme, begins_of, by_scenario, checked, refused
-from .trials import HOPELESS, LOST, Stage, plant_for
+from .trials import HOPELESS, Stage, plant_for
 
 SEARCHED_ON = "rod"
 """The plant on which is searched."""
@@ -40,9 +40,12 @@ SEARCHED_ON = "rod"
 ENOUGH = 0.15
 """Price of a goal that needs no bettering, unless it says one."""
 
-ROUNDS, FIRST_ROUNDS, CANDIDATES, APART = 15, 2, 3, 0.6
-"""Rounds of a phase at most, and from each of several starts before the best goes on alone; candidates that are checked on the plant, and
-how far apart these lie, in first spreads."""
+POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
+"""Trials of a round, rounds of a phase at most; how often it begins anew with other draws, and after how many rounds of each of these
+the best goes on alone. A search that has lost its way does not find it again; another one may."""
+
+CANDIDATES, APART = 3, 0.6
+"""Candidates that are checked on the plant, and how far apart they lie, in first spreads."""
 
 
 @dataclass(slots=True)
@@ -72,7 +75,7 @@ class Work:
     progress: Progress
     limit: float
     seed: int
-    population: int = 18
+    population: int = POPULATION
     rounds: int = ROUNDS
     spread: float = 1.0
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -90,7 +93,7 @@ def plan_by_search(
     plant: str = SEARCHED_ON,
     time_limit: float = 60.0,
     seed: int = 0,
-    population: int = 18,
+    population: int = POPULATION,
     rounds: int = ROUNDS,
     spread: float = 1.0,
     errors: Mapping[str, float] | None = None,
@@ -161,14 +164,15 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     numbers: dict[str, float] = {}
     tried: list[str] = []
     count, worst = 0, 0.0
-    last: list[tuple[Stage, Candidate]] = []
+    last: list[Candidate] = []
     for index, phase in enumerate(task.phases):
-        stages = [_stage(shaped, index, settled, work, scenarios, states, curve) for shaped in _starts(task, index, work)]
-        last, said, tries = _search_phase(stages, work, index)
+        if index == 0 and task.choose is not None:
+            task = grasp_drives(task, work.arm, work.scene).on(work.arm)
+        stage = _stage(task, index, settled, work, scenarios, states, curve)
+        last, said, tries = _search_phase(stage, work, index)
         tried += said
         count += tries
-        stage, best = last[0]
-        task = stage.task
+        best = last[0]
         worst = max(worst, best.price)
         if index < len(task.phases) - 1:
             settled += stage.primitives(best.x)
@@ -187,7 +191,7 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
             item.x,
             before,
         )
-        for stage, item in last
+        for item in last
     ]
     return Findings(programmes, tuple(tried), count, worst)
 
@@ -212,13 +216,6 @@ def _scenarios(task: Task, work: Work) -> tuple[Scenario, ...]:
             continue
     plant_for(SEARCHED_ON, work.arm, work.scene)
     return tuple(replace(scenario, shift=(0.0, 0.0, 0.0)) for scenario in four(draw, **work.errors))
-
-
-def _starts(task: Task, index: int, work: Work) -> list[Task]:
-    """The task with drives, once for each start of a phase."""
-    if task.choose is not None and index == 0:
-        return [grasp_drives(task, work.arm, work.scene, start).on(work.arm) for start in range(len(FIRST_TWISTS))]
-    return [task]
 
 
 def _stage(
@@ -254,35 +251,28 @@ def _rounds(stage: Stage, after: Searched | None, work: Work, rounds: int, enoug
     return result
 
 
-def _search_phase(stages: list[Stage], work: Work, index: int) -> tuple[list[tuple[Stage, Candidate]], list[str], int]:
-    """Search a phase from each start, then on from the best; the best candidates that lie apart, and what was tried."""
-    found: list[tuple[Stage, Searched]] = []
-    enough = sum(float(getattr(goal, "enough", ENOUGH)) for goal in stages[0].phase.goals)
-    name = stages[0].phase.name
-    if not stages[0].unknowns.names:
-        x = np.zeros(0)
-        return [(stages[0], Candidate(x, stages[0](x)))], [], 1
-    own = stages[0].unknowns.mean
-    judged = work.executor.submit(stages[0], own).result() if stages[0].task.choose is None else Judgement(price=np.inf)
+def _search_phase(stage: Stage, work: Work, index: int) -> tuple[list[Candidate], list[str], int]:
+    """Search a phase from each start, then on from the best; the best candidates that lie apart, what was tried, and how many trials."""
+    name, own = stage.phase.name, stage.unknowns.mean
+    enough = sum(float(getattr(goal, "enough", ENOUGH)) for goal in stage.phase.goals)
+    if not stage.unknowns.names:
+        return [Candidate(own, stage(own))], [], 1
+    judged = work.executor.submit(stage, own).result()
     if judged.met or judged.price <= enough:
-        return (
-            [(stages[0], Candidate(own, judged))],
-            [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"],
-            1,
-        )
-    first = FIRST_ROUNDS if len(stages) > 1 else work.rounds
-    for number, stage in enumerate(stages):
-        found.append((stage, _rounds(stage, None, work, min(first, work.rounds), enough, 1000 * index + number)))
-        if work.over() or found[-1][1].ended == "good enough":
+        return [Candidate(own, judged)], [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"], 1
+    found: list[Searched] = []
+    for number in range(STARTS):
+        found.append(_rounds(stage, None, work, min(FIRST_ROUNDS, work.rounds), enough, 1000 * index + number))
+        if work.over() or found[-1].ended == "good enough":
             break
-    found = [(stage, result) for stage, result in found if result.candidates]
-    if not found:  # no time: the task's own numbers
-        return [(stages[0], Candidate(stages[0].unknowns.mean, Judgement(price=LOST, runs=0)))], [f"phase '{name}' was not searched"], 0
-    left = work.rounds - sum(len(result.rounds) for _, result in found)
-    stage, result = min(found, key=lambda pair: pair[1].best.price)
+    found = [result for result in found if result.candidates]
+    if not found:  # no time: the first numbers
+        return [Candidate(own, judged)], [f"phase '{name}' was not searched"], 1
+    left = work.rounds - sum(len(result.rounds) for result in found)
+    result = min(found, key=lambda result: (not result.best.judgement.met, result.best.price))
     if left > 0 and result.ended != "good enough" and not work.over():
-        _rounds(stage, result, work, left, enough, 1000 * index + len(stages))
-    candidates = [(stage, item) for stage, result in found for item in result.apart(CANDIDATES, APART)]
-    ranked = sorted(candidates, key=lambda pair: (not pair[1].judgement.met, pair[1].price))
-    said = [f"phase '{name}', {result}" for _, result in found]
-    return ranked[:CANDIDATES], said, sum(len(result.candidates) for _, result in found)
+        _rounds(stage, result, work, left, enough, 1000 * index + STARTS)
+    candidates = [item for result in found for item in result.apart(CANDIDATES, APART)]
+    ranked = sorted(candidates, key=lambda item: (not item.judgement.met, item.price))
+    said = [f"phase '{name}', {result}" for result in found]
+    return ranked[:CANDIDATES], said, 1 + sum(len(result.candidates) for result in found)

@@ -32,7 +32,7 @@ from octoctrl.sim.topology.trace import TopologyTrace
 RECORD = 4
 """Samples between recorded instants of a trial: 20 ms."""
 
-HOPELESS, LOST = 2.0, 9.0
+HOPELESS, LOST = 1.4, 9.0
 """Price of a goal beyond which a trial is not tried in further scenarios, and price of a plant that diverged."""
 
 DEEP = 1e-3
@@ -41,11 +41,9 @@ DEEP = 1e-3
 LOOKED_AT = 0.4
 """Time before the end of a phase that a search looks at at least, s, so that what is still moving shows."""
 
-SPREADS = {
-    "azimuth": 0.8, "level": 0.15, "profile": 0.4, "start": 0.02, "stop": 0.02, "speed": 0.04, "delay": 0.3, "turns": 0.15,
-    "lasts": 0.1, "rise": 0.3, "fall": 0.3,
-}  # fmt: skip
-"""How far a search looks at first, by the name of the number; of others a quarter of their range."""
+SPREADS = {"level": 0.15, "start": 0.02, "stop": 0.02, "speed": 0.04, "delay": 0.2, "lasts": 0.1, "rise": 0.3, "fall": 0.3}
+"""How far a search looks at first where a primitive has no `spreads` of its own, by the name of the number; of others a quarter of their
+range."""
 
 FARTHEST = {"start": 0.8, "stop": 1.0}
 """Share of the arm up to which the ends of a window may be chosen."""
@@ -108,7 +106,7 @@ class Stage:
     hopeless : float
         Price beyond which a trial is not tried in further scenarios.
     spread : float
-        How far a search looks at first, over `SPREADS`.
+        How far a search looks at first, over the usual.
     """
 
     task: Task
@@ -137,10 +135,11 @@ class Stage:
         rows = []
         for index, name in self.names:
             drive = self.drives[index]
+            spreads = SPREADS | getattr(drive.primitive, "spreads", {})
             low, high = (drive.primitive.bounds() | {"delay": DELAY_BOUNDS})[name]
             if name in FARTHEST:
                 high = min(high, FARTHEST[name] * self.arm.length)
-            rows.append((drive.number(name), self.spread * SPREADS.get(name, (high - low) / 4), low, high))
+            rows.append((drive.number(name), self.spread * spreads.get(name, (high - low) / 4), low, high))
         mean, spread, low_, high_ = np.array(rows).T if rows else np.zeros((4, 0))
         labels = tuple(f"{self.drives[index].name}.{name}" for index, name in self.names)
         return Unknowns(names=labels, mean=mean, spread=spread, low=low_, high=high_)

@@ -6,7 +6,7 @@ turns, because levels belong to a plant and turns to a plan: a `TwistCurve`, mea
 
 from dataclasses import dataclass, replace
 from math import cos, inf, tau
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -97,6 +97,8 @@ class Curl(_Bending):
         Arclength at which the arm would end if it tapered to nothing.
     """
 
+    spreads: ClassVar[dict[str, float]] = {"azimuth": 0.4, "level": 0.12, "profile": 0.35, "start": 0.015, "speed": 0.015}
+    """How far a search looks at first, as one standard deviation of each number."""
     profile: float = 0.4
     start: Length = 0.0
     stop: Length = NEARLY_ALL
@@ -135,6 +137,7 @@ class Swing(_Bending):
     onset, rise, offset, fall : float, s
     """
 
+    spreads: ClassVar[dict[str, float]] = {"azimuth": 1.2, "level": 0.06}
     level: float = 0.1
     start: Length = 0.0
     stop: Length = 0.04
@@ -200,6 +203,7 @@ class StoreTwist:
         Of the plant that it is carried out on; the planner fills it in.
     """
 
+    spreads: ClassVar[dict[str, float]] = {"turns": 0.12}
     turns: float = 0.0
     start: Length = 0.0
     stop: Length = 0.09

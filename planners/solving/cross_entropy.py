@@ -19,7 +19,7 @@ from octoctrl.sim.errors import OctoctrlError, check_count
 
 Floats = NDArray[np.float64]
 
-OF_ELITE, OF_OLD, LEAST = 0.9, 0.15, 0.02
+OF_ELITE, OF_OLD, LEAST = 0.7, 0.15, 0.02
 """The spread becomes so much of the elite's and so much of what it was, and is at least this share of the first."""
 
 

@@ -26,14 +26,15 @@ Floats = NDArray[np.float64]
 ENOUGH_TURNS = 1.25
 """Turns for which the arm beyond the object must suffice: less is not held for long."""
 
-BEFORE = 0.027
+BEFORE = 0.022
 """How far before the nearest point the curl begins, m, on an arm of 0.2 m."""
+
+LEVEL, PROFILE, SPEED, DELAY, LEAN = 0.65, 0.75, 0.045, 0.3, 0.03
+"""Of the curl, and level of the swing, from which a search begins. A front that is slow lays the arm on the object bit by bit, so that it
+matters little when the arm meets it; a level that is high at the begin and falls with the radius bends thick and thin parts as tightly."""
 
 TOUCHES = 2e-3
 """Gap below which a planned arm counts as touching, m."""
-
-FIRST_TWISTS = (0.0, 0.1, -0.1)
-"""Turns from which searches begin, one after the other."""
 
 
 def objects_held(task: Task) -> set[str]:
@@ -114,8 +115,8 @@ def too_short(task: Task, arm: Arm, scene: Scene) -> str:
     return ""
 
 
-def grasp_drives(task: Task, arm: Arm, scene: Scene, start: int = 0) -> Task:
-    """A task with the drives of a grasp, from which the search with number `start` begins.
+def grasp_drives(task: Task, arm: Arm, scene: Scene) -> Task:
+    """A task with the drives of a grasp, from which a search begins.
 
     Parameters
     ----------
@@ -123,7 +124,6 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene, start: int = 0) -> Task:
         Whose first goal of covered winding names the object; it leaves its drives to the planner.
     arm : Arm
     scene : Scene
-    start : int
 
     Raises
     ------
@@ -137,11 +137,11 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene, start: int = 0) -> Task:
     place, _, azimuth = nearest(arm, item)
     first = task.phases[0].name
     scale = arm.length / 0.2
-    curl = Curl(azimuth=azimuth, level=0.4, profile=0.4, start=max(place - BEFORE * scale, 0.0), speed=0.08)
-    twist = StoreTwist(turns=FIRST_TWISTS[start % len(FIRST_TWISTS)], stop=0.09 * scale)
-    lean = Swing(azimuth=(azimuth + pi) % tau, level=0.06, stop=0.04 * scale)
+    curl = Curl(azimuth=azimuth, level=LEVEL, profile=PROFILE, start=max(place - BEFORE * scale, 0.0), speed=SPEED * scale)
+    twist = StoreTwist(stop=0.09 * scale)
+    lean = Swing(azimuth=(azimuth + pi) % tau, level=LEAN, stop=0.04 * scale)
     drives = (
-        Drive(name="curl", primitive=curl, begins=first, free=("azimuth", "level", "profile", "start", "speed", "delay"), delay=0.5),
+        Drive(name="curl", primitive=curl, begins=first, free=("azimuth", "level", "profile", "start", "speed", "delay"), delay=DELAY),
         Drive(name="twist", primitive=twist, begins=first, free=("turns", "stop")),
         Drive(name="swing", primitive=lean, begins=first, free=("azimuth", "level", "stop")),
     )

@@ -24,7 +24,7 @@ class CoveredWindingGoal(TouchingGoal):
 
     quantity: ClassVar[str] = "covered_winding"
     unit: ClassVar[str] = "turns"
-    enough: ClassVar[float] = 0.5
+    enough: ClassVar[float] = 0.3
     tolerance: float = 0.05
 
     def measured(self, hold: "Hold", outputs: RecordedOutputs) -> Floats:
