@@ -184,7 +184,7 @@ def test_the_nearest_point_of_the_arm_at_rest():
     assert gap == pytest.approx(0.03 - float(ARM.section(0.1).outer_radius), abs=5e-4)
     assert place == pytest.approx(0.1, abs=0.01) and azimuth == pytest.approx(np.pi / 2)
     drives = grasp_drives(task_for(item).task, ARM, oc.Scene(objects=(item,))).drives
-    assert drives[0].primitive.start == pytest.approx(place - 0.027) and drives[0].primitive.azimuth == azimuth
+    assert drives[0].primitive.start == pytest.approx(place - 0.022) and drives[0].primitive.azimuth == azimuth
 
 
 def test_what_is_too_thick_for_the_arm_is_refused_before_anything_moves():
@@ -304,6 +304,28 @@ def test_maps_show_the_side_and_the_strength(hold, tmp_path):
         activation_maps([], tmp_path / "none.png")
 
 
+@pytest.mark.parametrize("changed", ["nothing", "half the step", "twice the elements", "ten times the stiffness"])
+def test_a_grip_is_at_rest_and_hardly_depends_on_step_elements_and_stiffness(changed):
+    """Numbers that the search of the task `grasp` finds, on its elements."""
+    configuration = oc.tasks.load("grasp")
+    arm, (post,) = configuration.arm, configuration.scene.objects
+    curl = Curl(azimuth=-3.2386, level=0.6136, profile=0.8156, start=0.04758, stop=0.1967, speed=0.03954, onset=0.2692, apex=0.2 * 12 / 11)
+    curve = TwistCurve(levels=(0.0, 0.005), turns=(0.0, 0.4579))
+    twist = StoreTwist(turns=0.03178, stop=0.08447, curve=curve)
+    lean = Swing(azimuth=-0.6929, level=0.01153, stop=0.03237)
+    if changed == "twice the elements":
+        arm = replace(arm, elements=2 * arm.elements)
+    if changed == "ten times the stiffness":
+        post = replace(post, stiffness=10 * post.stiffness)
+    step = 3.2e-4 if changed == "half the step" else "auto"
+    plant = oc.make_plant("rod", arm, oc.Scene(objects=(post,)), dt=step)
+    recording = plant.advance(schedule_of((curl, twist, lean), 5.0).activation(), 5.0)
+    speed = np.linalg.norm(plant.observe().velocities, axis=1)
+    assert np.sqrt((speed**2).mean()) < 5e-4, "at steps of 1 ms it trembles by 9 mm/s"
+    hold = hold_in(RecordedOutputs(recording, None, arm), "post")
+    assert np.abs(hold.covered)[recording.time >= 4.0].min() == pytest.approx(1.174, abs=0.01)
+
+
 # ---------------------------------------------------------------- from task to verdict
 
 
@@ -397,8 +419,9 @@ def test_what_the_examples_carry_meets_its_goals_on_the_rod(name, monkeypatch):
     assert plan.report.reason.startswith("bar.drift") or plan.status is PlanStatus.HELD
 
 
-@pytest.mark.slow
-def test_the_grasp_that_comes_along_holds():
-    plan = oc.plan("grasp")
-    assert plan.status in (PlanStatus.HELD, PlanStatus.FRAGILE)
+def test_the_grasp_that_comes_along_is_held_in_all_scenarios():
+    configuration = oc.tasks.load("grasp")
+    plan = oc.plan(replace(configuration, plan=replace(configuration.plan, seed=1)))
+    assert plan.status is PlanStatus.HELD, plan.report.reason
+    assert plan.report.starts < 60, "the first numbers are near"
     assert oc.verify(oc.execute(plan)).passed
