@@ -1,5 +1,6 @@
 """Parts of the planner: numbers with slopes, least squares in a box, rows of a task, its price, the optimiser, doubt."""
 
+from copy import copy
 from dataclasses import replace
 
 import casadi as ca
@@ -16,6 +17,7 @@ from octoctrl.planners.asking.schedule import Schedule
 from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.contracts import When
 from octoctrl.planners.fitting.identified import load_identified
+from octoctrl.planners.model.stepping import simulate
 from octoctrl.planners.solving.doubt import doubt
 from octoctrl.planners.solving.least_squares import Box, bounded_step, fit
 from octoctrl.planners.solving.optimiser import BAND, OPENING, _Constraints, objective, optimise
@@ -160,6 +162,46 @@ def test_slopes_of_the_rows_are_central_differences(laws, tolerance):
             expected = (getattr(plus, name) - getattr(minus, name)) / (2 * shift.sum())
             size = max(abs(expected).max(), 0.1 / problem.box.scale[index])
             assert abs(slopes[:, index] - expected).max() < tolerance * size, problem.names[index]
+
+
+def test_what_was_read_before_changes_nothing_that_is_read_now(model):
+    """Motions begin their iterations from a similar one; where they end does not hang on that."""
+    used, shift = Problem(COIL, model), np.random.default_rng(1).uniform(-0.2, 0.2, len(Problem(COIL, model).start))
+    grid, far = used.grid(used.start, COARSE), used.vector(dict(zip(used.names, used.start * (1 + shift), strict=True)))
+    used.read(used.start, grid, slopes=True)
+    for x in (far, used.start, far):
+        for slopes in (False, True):
+            found, fresh = used.read(x, grid, slopes), Problem(COIL, model).read(x, grid, slopes)
+            np.testing.assert_allclose(found.misses, fresh.misses, atol=1e-7)
+            if slopes:
+                np.testing.assert_allclose(found.miss_slopes, fresh.miss_slopes, atol=1e-4 * abs(fresh.miss_slopes).max())
+    for other in (
+        used.on(replace(model, parameters=replace(model.parameters, linear_drag=2.0))),
+        used.with_durations(used.start[:5] + 0.1),
+    ):
+        x = np.clip(used.start, other.box.lower, other.box.upper)
+        fresh = copy(other)
+        fresh.last = fresh.sloped = None
+        np.testing.assert_allclose(other.read(x, grid).misses, fresh.read(x, grid).misses, atol=1e-7)
+
+
+def test_slopes_of_what_was_just_simulated_need_no_simulation(model, monkeypatch):
+    count = 0
+
+    def counted(*arguments):
+        nonlocal count
+        count += 1
+        return simulate(*arguments)
+
+    monkeypatch.setattr("octoctrl.planners.solving.problem.simulate", counted)
+    problem = Problem(COIL, model)
+    grid = problem.grid(problem.start, COARSE)
+    problem.read(problem.start, grid)
+    problem.read(problem.start, grid, slopes=True)
+    problem.read(problem.start, grid)
+    assert count == 1
+    problem.read(problem.start, problem.grid(problem.start, 0.05))
+    assert count == 2
 
 
 def test_goals_hold_at_the_steps_that_they_name(model):

@@ -246,7 +246,7 @@ class ReducedModel:
         Sensitivity
             The motion, and derivatives of its strains, (N + 1, S, 4, p).
         """
-        from .stepping import simulate_with_slopes
+        from .stepping import simulate, slopes_of
 
         levels, steps = self._checked(levels, steps)
         level_slopes, step_slopes = np.ascontiguousarray(level_slopes, dtype=float), np.ascontiguousarray(step_slopes, dtype=float)
@@ -256,7 +256,8 @@ class ReducedModel:
                 f"level_slopes {level_slopes.shape} and step_slopes {step_slopes.shape} do not fit levels {levels.shape}; "
                 "they need the same steps, and one last axis for the parameters"
             )
-        strains, slopes = simulate_with_slopes(self.step_model, self._state(start), levels, level_slopes, steps, step_slopes)
+        strains = simulate(self.step_model, self._state(start), levels, steps)
+        slopes = slopes_of(self.step_model, strains, levels, level_slopes, steps, step_slopes)
         motion = ReducedMotion(time=np.concatenate([[0.0], np.cumsum(steps)]), strains=strains)
         return Sensitivity(motion, slopes.reshape(count + 1, self.sections, 4, directions))
 

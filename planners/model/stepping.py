@@ -145,23 +145,20 @@ def strain_scale(arm: Arm, sections: int) -> Floats:
     return scale
 
 
-def simulate(model: StepModel, start: Floats, levels: Floats, steps: Floats) -> Floats:
-    """Strains (N + 1, S, 4); not a number from a step on that has no solution."""
-    strains = np.empty((len(steps) + 1, *start.shape))
-    solved = roll_out(start, levels, steps, model, buffers(model, len(MUSCLE_GROUPS), 0), np.zeros_like(start), strains)
+def simulate(model: StepModel, start: Floats, levels: Floats, steps: Floats, near: Floats | None = None) -> Floats:
+    """Strains (N + 1, S, 4); not a number from a step on that has no solution. `near`: a similar motion, for whom it is quicker."""
+    strains, similar = np.empty((len(steps) + 1, *start.shape)), np.empty((0, *start.shape)) if near is None else near
+    solved = roll_out(start, levels, steps, model, buffers(model, len(MUSCLE_GROUPS), 0), similar, np.zeros_like(start), strains)
     strains[solved + 1 :] = np.nan
     return strains
 
 
-def simulate_with_slopes(
-    model: StepModel, start: Floats, levels: Floats, level_slopes: Floats, steps: Floats, step_slopes: Floats
-) -> tuple[Floats, Floats]:
-    """As `simulate`, and derivatives (N + 1, 4 S, p)."""
-    strains, slopes = np.empty((len(steps) + 1, *start.shape)), np.empty((len(steps) + 1, start.size, step_slopes.shape[1]))
-    room = buffers(model, len(MUSCLE_GROUPS), step_slopes.shape[1])
-    solved = roll_out_slopes(start, levels, level_slopes, steps, step_slopes, model, room, np.zeros_like(start), strains, slopes)
-    strains[solved + 1 :], slopes[solved + 1 :] = np.nan, np.nan
-    return strains, slopes
+def slopes_of(model: StepModel, strains: Floats, levels: Floats, level_slopes: Floats, steps: Floats, step_slopes: Floats) -> Floats:
+    """Derivatives (N + 1, 4 S, p) of a motion that `simulate` made."""
+    sections, unknowns = strains.shape[1], step_slopes.shape[1]
+    slopes, room = np.empty((len(strains), 4 * sections, unknowns)), buffers(model, len(MUSCLE_GROUPS), unknowns)
+    roll_out_slopes(strains, levels, level_slopes, steps, step_slopes, model, room, np.empty((sections, 4)), slopes)
+    return slopes
 
 
 def linearise(model: StepModel, strains: Floats, levels: Floats, steps: Floats) -> tuple[Floats, Floats, Floats]:

@@ -31,6 +31,9 @@ CHANGE = 0.15
 CONVERGED, ITERATIONS = 1e-6, 60
 """Change of a strain at which the iteration ends; it converges quadratically, so that the error is of the order of its square."""
 
+SHORT = 0.06
+"""Step, s, up to which a motion goes on as it changed in the last two; over longer ones it goes on as in the last."""
+
 
 class StepModel(NamedTuple):
     """All constants of a step: `fibres`, `elements`, `scale` (S, 4) of the strains."""
@@ -173,21 +176,42 @@ def solve_step(q: Floats, motion: Floats, levels: Floats, h: float, model: Any, 
 
 
 @kernel
-def begin_motion(motion: Floats, h: float, before: float) -> None:
-    """First guess of a step's motion: the last one at the same rate."""
+def begin_motion(motion: Floats, steps: Floats, strains: Floats, t: int) -> None:
+    """First guess of the motion in step t, 1 or later, from the one before: its rate, and where steps are short the change of that too."""
+    ratio = steps[t] / steps[t - 1]
+    smooth = t > 1 and steps[t] <= SHORT
     for n in range(motion.shape[0]):
         for k in range(4):
-            motion[n, k] *= h / before
+            last = motion[n, k]
+            earlier = (strains[t - 1, n, k] - strains[t - 2, n, k]) * steps[t - 1] / steps[t - 2] if smooth else last
+            motion[n, k] = ratio * (last + (last - earlier))
 
 
 @kernel
-def roll_out(start: Floats, levels: Floats, steps: Floats, model: Any, room: Any, motion: Floats, strains: Floats) -> Any:
-    """Simulate N steps from `start` into `strains` (N + 1, S, 4); how many steps were solved. `motion` (S, 4): zero, or the step before."""
+def set_motion(before: Floats, after: Floats, motion: Floats) -> None:
+    """The motion from some strains to others."""
+    for n in range(motion.shape[0]):
+        for k in range(4):
+            motion[n, k] = after[n, k] - before[n, k]
+
+
+@kernel
+def roll_out(start: Floats, levels: Floats, steps: Floats, model: Any, room: Any, near: Floats, motion: Floats, strains: Floats) -> Any:
+    """Simulate N steps from `start` into `strains` (N + 1, S, 4); how many steps were solved.
+
+    `near` (N + 1, S, 4): a similar motion, from which the iterations begin, or nothing (0, S, 4). `motion` (S, 4): zero, or the step before.
+    """
     strains[0] = start
     for t in range(len(steps)):
-        if t:
-            begin_motion(motion, steps[t], steps[t - 1])
-        if not solve_step(strains[t], motion, levels[t], steps[t], model, room):
+        if len(near):
+            set_motion(strains[t], near[t + 1], motion)
+        elif t:
+            begin_motion(motion, steps, strains, t)
+        solved = solve_step(strains[t], motion, levels[t], steps[t], model, room)
+        if len(near) and not solved:
+            motion[:] = 0.0
+            solved = solve_step(strains[t], motion, levels[t], steps[t], model, room)
+        if not solved:
             return t
         for n in range(start.shape[0]):
             for k in range(4):
@@ -228,18 +252,17 @@ def stands_still(strain_slopes: Floats, level_slopes: Floats, step_slope: Floats
 
 @kernel
 def roll_out_slopes(
-    start: Floats, levels: Floats, level_slopes: Floats, steps: Floats, step_slopes: Floats, model: Any, room: Any, motion: Floats,
-    strains: Floats, slopes: Floats,
-) -> Any:  # fmt: skip
-    """As `roll_out`, with derivatives: `level_slopes` (N, groups, S, p), `step_slopes` (N, p) -> `slopes` (N + 1, 4 S, p)."""
-    strains[0] = start
+    strains: Floats, levels: Floats, level_slopes: Floats, steps: Floats, step_slopes: Floats, model: Any, room: Any, motion: Floats,
+    slopes: Floats,
+) -> None:  # fmt: skip
+    """Derivatives `slopes` (N + 1, 4 S, p) of a motion (N + 1, S, 4) that `roll_out` made, with those of the levels (N, groups, S, p) and of
+    the steps (N, p); `motion` (S, 4) is a buffer.
+    """
     slopes[0] = 0.0
     for t in range(len(steps)):
-        if t:
-            begin_motion(motion, steps[t], steps[t - 1])
-        if not solve_step(strains[t], motion, levels[t], steps[t], model, room):
-            return t
-        # The last iteration's tangent is that of the motion before it.
+        set_motion(strains[t], strains[t + 1], motion)
+        set_shape(strains[t], model.elements, room.shape)
+        set_fibres(strains[t], levels[t], model.fibres, room.fibres)
         set_slopes(strains[t], motion, steps[t], model, room)
         for d in range(slopes.shape[2]):
             if stands_still(slopes[t, :, d], level_slopes[t, :, :, d], step_slopes[t, d]):
@@ -250,10 +273,6 @@ def roll_out_slopes(
         for i in range(slopes.shape[1]):
             for d in range(slopes.shape[2]):
                 slopes[t + 1, i, d] = slopes[t, i, d] + room.right[i, d]
-        for n in range(start.shape[0]):
-            for k in range(4):
-                strains[t + 1, n, k] = strains[t, n, k] + motion[n, k]
-    return len(steps)
 
 
 @kernel
@@ -269,7 +288,7 @@ def linearise_steps(
     sections, groups = strains.shape[1], levels.shape[1]
     size = 4 * sections
     for t in range(len(steps)):
-        motion[:] = strains[t + 1] - strains[t]
+        set_motion(strains[t], strains[t + 1], motion)
         set_shape(strains[t], model.elements, room.shape)
         set_fibres(strains[t], levels[t], model.fibres, room.fibres)
         set_slopes(strains[t], motion, steps[t], model, room)

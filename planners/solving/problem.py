@@ -27,7 +27,7 @@ from ..contracts import Goal, Primitive, When
 from ..model.output_kernels import LINK, UTURN, WRITHE
 from ..model.readings import residual_function
 from ..model.reduced import ReducedModel
-from ..model.stepping import output_tables, outputs, simulate, simulate_with_slopes
+from ..model.stepping import output_tables, outputs, simulate, slopes_of
 from .interrupts import heed
 from .least_squares import Box
 from .present import Present
@@ -56,6 +56,21 @@ class Grid(NamedTuple):
 
     steps: tuple[int, ...]
     instants: tuple[range, ...]
+
+
+class Motion(NamedTuple):
+    """What unknowns made the model do: strains (N + 1, S, 4) and, if they were asked for, slopes (N + 1, 4 S, p) by the free unknowns."""
+
+    x: Floats
+    grid: Grid
+    strains: Floats
+    slopes: Floats | None = None
+
+    def near(self, x: Floats, free: NDArray[np.int64]) -> Floats:
+        """What other unknowns would do, to first order."""
+        if self.slopes is None:
+            return self.strains
+        return self.strains + (self.slopes @ (x - self.x)[free]).reshape(self.strains.shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,24 +172,31 @@ class Problem:
         ]
         self.guarded = max((aim.phase + 1 for aim in self.aims if aim.branch), default=0)
         self.pole = np.array(task.convention.pole, dtype=float)
+        self.last: Motion | None = None
+        self.sloped: Motion | None = None
 
     def with_durations(self, durations: Floats) -> "Problem":
         """The same problem with phases of fixed durations, s."""
-        fixed, lower, upper = copy(self), self.box.lower.copy(), self.box.upper.copy()
+        fixed, lower, upper = self._copy(), self.box.lower.copy(), self.box.upper.copy()
         lower[: len(durations)] = upper[: len(durations)] = durations
         fixed.box = Box(lower, upper, self.box.scale)
         return fixed
 
     def with_guard(self, guard: float) -> "Problem":
         """The same problem that aims at another smallest u, or at none if that is 0."""
-        other = copy(self)
+        other = self._copy()
         other.guard, other.guarded = guard, self.guarded if guard > 0 else 0
         return other
 
     def on(self, model: ReducedModel, delay: float = 0.0) -> "Problem":
         """The same problem on another model, to which activation comes later by `delay`, s."""
-        other = copy(self)
+        other = self._copy()
         other.model, other.delay = model, delay
+        return other
+
+    def _copy(self) -> "Problem":
+        other = copy(self)
+        other.last = other.sloped = None
         return other
 
     def vector(self, numbers: Mapping[str, float]) -> Floats:
@@ -221,15 +243,16 @@ class Problem:
         heed()
         model, free = self.model, np.flatnonzero(self.box.upper > self.box.lower)
         lengths = np.repeat(x[: len(grid.steps)] / grid.steps, grid.steps)
-        self.work += len(lengths) * (1 + SLOPE_WORK * len(free) * slopes)
-        if slopes:
-            levels, level_slopes, step_slopes = self._inputs(x, grid, free)
-            strains, by_number = simulate_with_slopes(model.step_model, self.present.strains, levels, level_slopes, lengths, step_slopes)
-        else:
-            levels = model.levels(self.schedule(x)[1].activation(), self.present.clock + np.cumsum(lengths) - self.delay)
-            strains, by_number = simulate(model.step_model, self.present.strains, levels, lengths), np.empty((0, 0, 0))
+        self.work += len(lengths) * SLOPE_WORK * len(free) * slopes
+        levels, level_slopes, step_slopes = self._inputs(x, grid, free) if slopes else (self._levels(x, lengths), None, None)
+        strains = self._moved(x, grid, levels, lengths, free)
         if not np.isfinite(strains).all():
+            self.last = None
             return self._lost(grid, len(x) if slopes else 0)
+        by_number = np.empty((0, 0, 0))
+        if slopes:
+            by_number = slopes_of(model.step_model, strains, levels, level_slopes, lengths, step_slopes)
+            self.sloped = Motion(x.copy(), grid, strains, by_number)
         values, gradients = outputs(output_tables(model.arm, model.sections), strains, self.pole, slopes)
         turned = 2 * np.cumsum(np.round(np.diff(values[:, WRITHE], prepend=values[0, WRITHE]) / 2))
         values[:, [WRITHE, LINK]] += self.present.branch(values[0, WRITHE]) - turned[:, None]
@@ -251,6 +274,21 @@ class Problem:
         every = [np.zeros((len(part), len(x))) for part in (reading.misses, reading.openings)]
         every[0][:, free], every[1][:, free] = np.concatenate(by_unknown), narrowing
         return replace(reading, miss_slopes=every[0], opening_slopes=every[1])
+
+    def _levels(self, x: Floats, lengths: Floats) -> Floats:
+        return self.model.levels(self.schedule(x)[1].activation(), self.present.clock + np.cumsum(lengths) - self.delay)
+
+    def _moved(self, x: Floats, grid: Grid, levels: Floats, lengths: Floats, free: NDArray[np.int64]) -> Floats:
+        """Strains (N + 1, S, 4); what was simulated last on this grid is not simulated again, and what is near it is quicker."""
+        seen = [motion for motion in (self.sloped, self.last) if motion is not None and motion.grid == grid]
+        for motion in seen:
+            if np.array_equal(motion.x, x):
+                return motion.strains
+        near = seen[0].near(x, free) if seen else None
+        self.work += len(lengths)
+        strains = simulate(self.model.step_model, self.present.strains, levels, lengths, near)
+        self.last = Motion(x.copy(), grid, strains)
+        return strains
 
     def offset(self, coarse: tuple[Grid, Reading], fine: tuple[Grid, Reading]) -> Floats:
         """What fine steps add to the misses on coarse ones, where a goal has to hold at one instant; elsewhere 0, for they do not match."""
