@@ -199,7 +199,7 @@ def set_motion(before: Floats, after: Floats, motion: Floats) -> None:
 def roll_out(start: Floats, levels: Floats, steps: Floats, model: Any, room: Any, near: Floats, motion: Floats, strains: Floats) -> Any:
     """Simulate N steps from `start` into `strains` (N + 1, S, 4); how many steps were solved.
 
-    `near` (N + 1, S, 4): a similar motion, from which the iterations begin, or nothing (0, S, 4). `motion` (S, 4): zero, or the step before.
+    `near` (N + 1, S, 4): a similar motion, from which the iterations begin, or nothing (0, S, 4). `motion` (S, 4): zeros, a buffer.
     """
     strains[0] = start
     for t in range(len(steps)):
@@ -255,8 +255,8 @@ def roll_out_slopes(
     strains: Floats, levels: Floats, level_slopes: Floats, steps: Floats, step_slopes: Floats, model: Any, room: Any, motion: Floats,
     slopes: Floats,
 ) -> None:  # fmt: skip
-    """Derivatives `slopes` (N + 1, 4 S, p) of a motion (N + 1, S, 4) that `roll_out` made, with those of the levels (N, groups, S, p) and of
-    the steps (N, p); `motion` (S, 4) is a buffer.
+    """Derivatives `slopes` (N + 1, 4 S, p) of a motion (N + 1, S, 4) that `roll_out` made, from those of the levels (N, groups, S, p) and
+    of the steps (N, p); `motion` (S, 4) is a buffer.
     """
     slopes[0] = 0.0
     for t in range(len(steps)):
