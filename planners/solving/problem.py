@@ -244,7 +244,8 @@ class Problem:
         model, free = self.model, np.flatnonzero(self.box.upper > self.box.lower)
         lengths = np.repeat(x[: len(grid.steps)] / grid.steps, grid.steps)
         self.work += len(lengths) * SLOPE_WORK * len(free) * slopes
-        levels, level_slopes, step_slopes = self._inputs(x, grid, free) if slopes else (self._levels(x, lengths), None, None)
+        none = np.empty((0, 0))
+        levels, level_slopes, step_slopes = self._inputs(x, grid, free) if slopes else (self._levels(x, lengths), none, none)
         strains = self._moved(x, grid, levels, lengths, free)
         if not np.isfinite(strains).all():
             self.last = None
