@@ -1,6 +1,7 @@
 """Benchmarks: tables, files, closed forms, and that failures stay in the table."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -196,6 +197,23 @@ def test_new_kinds_ask_for_what_the_model_has_been_seen_to_do():
         beyond = any(goal.quantity == "tip" and np.linalg.norm(goal.value) > length for goal in goals)
         found = planner.plan(task, identified, time_limit=600.0)
         assert found.status is PlanStatus.UNREACHABLE if beyond else found.status.solved, (kind.__name__, found.report.reason)
+
+
+def test_a_refusal_is_wrong_if_another_search_meets_the_goals(monkeypatch):
+    from octoctrl.bench import planning
+    from octoctrl.bench.goals import twist_only
+    from octoctrl.planners.asking.registry import goal
+    from octoctrl.planners.fitting.identified import load_identified
+    from octoctrl.planners.solving import planner
+    from octoctrl.planners.solving.search import Search
+
+    identified = load_identified(Arm.octopus())
+    task = twist_only(np.random.default_rng(2), identified.model)
+    made = planner.plan(task, identified, time_limit=600.0)
+    assert made.status.solved and not planning.withstands(made)
+    beyond = replace(task.phases[0], goals=(goal("twist", value=3.0),))
+    monkeypatch.setattr(Search, "programmes", lambda _search: [])
+    assert planning.withstands(replace(made, task=replace(task, phases=(beyond, task.phases[1]))))
 
 
 def test_random_goals_are_those_of_their_seed():

@@ -26,7 +26,6 @@ from octoctrl.sim.scene.scene import Scene
 def plan():
     configuration = tasks.load("coil")
     found = planner.plan(configuration.task, load_identified(configuration.arm, configuration.scene), time_limit=600.0)
-    # In doubt: five per cent of oblique strength are half a tolerance of twist. Feedback is what these tests are about.
     assert found.status.solved
     return found
 

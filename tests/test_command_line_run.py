@@ -39,8 +39,7 @@ def folder(tmp_path_factory):
 def test_plan_says_what_it_found(folder):
     path, done = folder
     answer = json.loads(done["plan"].stdout)
-    # Small errors of the model use up most of a tolerance of the coil, and the user is told.
-    assert answer["status"] == "doubtful" and answer["message"].startswith("Solved, but in doubt: ")
+    assert answer["status"] == "solved" and answer["message"].startswith("Solved: ")
     assert list(answer["phase_begins"]) == ["store", "open", "spiral", "cross", "telescope"]
     assert answer["report"]["wall_time"] < 60 and len(answer["report"]["goals"]) == 6
     assert done["plan"].stderr.splitlines() == ["preparing the planner (compiled the first time)", "planning"]

@@ -63,8 +63,7 @@ def numbers(plan):
 
 
 def test_coil_is_solved_and_its_goals_hold_on_a_simulation_of_our_own(coil, identified):
-    # In doubt, as five per cent of oblique strength are half a tolerance of twist.
-    assert coil.status is PlanStatus.DOUBTFUL and "twist 0" in coil.report.reason and coil.raise_if_failed() is coil
+    assert coil.status is PlanStatus.SOLVED and not coil.report.reason and coil.raise_if_failed() is coil
     model, ends = identified.model, [*list(coil.phase_begins.values())[1:], coil.schedule.duration]
     motion = model.respond(coil.schedule.activation(), coil.schedule.duration, step=0.01)
     trace = model.trace(motion.time, motion.strains, COIL.convention).at(np.array(ends))

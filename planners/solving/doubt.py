@@ -2,6 +2,10 @@
 
 The model never is the plant. Four errors of usual size are tried: oblique and longitudinal muscles stronger by a twentieth, water
 heavier by a fifth, activation later by 15 ms. The root of the sum of squares of what they change is the spread of a goal.
+
+How large miss and spread may be is what random goals say that were carried out on the rod (`octoctrl bench plans`, which goes on saying
+it): of 165 solved plans (100 goals of old and of new kinds each, seed 11) 134 stayed below `TRUSTED` and away from a U-turn. All of them
+met their goals in open loop and 133 with feedback; of the 31 others 23 and 26.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +24,7 @@ STRONGER, HEAVIER, LATER = 1.05, 1.2, 0.015
 STEP = 0.1
 """Step of the reduced model for differences between plans, s."""
 
-TRUSTED, NARROW, FAST = 0.6, 0.3, 4.0
+TRUSTED, NARROW, FAST = 0.9, 0.3, 4.0
 """Miss and spread together, in tolerances, beyond which a goal is in doubt; u below which the path is; rate of a level, 1/s, beyond which
 the model is."""
 

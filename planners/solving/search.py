@@ -74,6 +74,8 @@ class Search:
         Told the number of the start and the smallest miss so far.
     work : float
         Steps of the model, with slopes counted by what they cost, after which no new start is made.
+    draw : int
+        Seed of the random programmes.
     """
 
     def __init__(
@@ -83,8 +85,9 @@ class Search:
         tell: Callable[[int, float], None] = lambda _start, _miss: None,
         *,
         work: float = WORK,
+        draw: int = 0,
     ) -> None:
-        self.problem, self.stop, self.tell, self.work = problem, stop, tell, work
+        self.problem, self.stop, self.tell, self.work, self.draw = problem, stop, tell, work, draw
         problem.work = 0.0
         self.best: tuple[float, Floats] | None = None
         self.found: Found | None = None
@@ -192,7 +195,7 @@ class Search:
         return chosen
 
     def _samples(self) -> Iterator[Floats]:
-        draw, box = np.random.default_rng(0), self.problem.box
+        draw, box = np.random.default_rng(self.draw), self.problem.box
         for _ in range(SAMPLES):
             x = self.problem.start.copy()
             for index, (name, low, high) in enumerate(zip(self.problem.names, box.lower, box.upper, strict=True)):
