@@ -95,7 +95,16 @@ def goals_met(made: Plan, feedback: str, **settings: Any) -> tuple[bool, dict[st
 
 
 def withstands(made: Plan) -> bool:
-    """Whether a refused plan's goals are missed, too, by searches from other random programmes, with its drives and away from a U-turn."""
+    """Whether a refused plan's goals are missed, too, by searches from other random programmes, with its drives and away from a U-turn.
+
+    Parameters
+    ----------
+    made : Plan
+
+    Returns
+    -------
+    bool
+    """
     problem = Problem(made.task, made.model)
     return not any(Search(problem, lambda: False, draw=draw).run(problem.start).solved for draw in range(1, SEARCHES + 1))
 
@@ -158,7 +167,18 @@ class _Tried(NamedTuple):
 
     @classmethod
     def of(cls, made: Plan, seconds: float) -> "_Tried":
-        """Look into it."""
+        """Carry it out where it is solved, try it again where it is refused.
+
+        Parameters
+        ----------
+        made : Plan
+        seconds : float
+            That planning took.
+
+        Returns
+        -------
+        _Tried
+        """
         met = tuple(goals_met(made, feedback)[0] for feedback in ("open-loop", "tvlqr")) if made.status.solved else ()
         return cls(made, seconds, made.status in AGAINST and not withstands(made), met)
 
