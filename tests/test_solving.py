@@ -21,7 +21,7 @@ from octoctrl.planners.model.stepping import simulate
 from octoctrl.planners.solving.doubt import doubt
 from octoctrl.planners.solving.least_squares import Box, bounded_step, fit
 from octoctrl.planners.solving.optimiser import BAND, OPENING, _Constraints, objective, optimise
-from octoctrl.planners.solving.problem import GUARD, GUARD_SCALE, Problem
+from octoctrl.planners.solving.problem import GUARD, GUARD_SCALE, SAMPLE, Problem
 from octoctrl.planners.solving.search import COARSE, Search
 from octoctrl.planners.solving.slopes import Slopes, SlopesMath
 from octoctrl.sim.activation import Activation, Plateau, Wave
@@ -280,7 +280,10 @@ def test_optimiser_keeps_goals_guard_and_bounds_and_lowers_the_price(problem):
     price = objective(problem, 1.84)
     ended = optimise(problem, found.x, found.reading, price, lambda: False)
     assert (ended.x >= problem.box.lower).all() and (ended.x <= problem.box.upper).all()
-    reading = problem.read(ended.x, problem.grid(ended.x, 0.02))
+    ends = np.cumsum(ended.x[: len(COIL.phases)]) / SAMPLE
+    np.testing.assert_allclose(ends, np.round(ends), atol=1e-9)  # the plant knows its shape where phases end
+    reading = Problem(COIL, problem.model).read(ended.x, problem.grid(ended.x, 0.02))
+    np.testing.assert_allclose(ended.reading.misses, reading.misses, atol=1e-7)
     assert reading.shares.max() < BAND + 0.1 and reading.opening > OPENING - 0.05
     assert float(price(ended.x)) < 0.8 * float(price(found.x))
 

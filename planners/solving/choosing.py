@@ -167,6 +167,7 @@ def choose(
     present: Present | None = None,
     work: float = WORK,
     several: int = 1,
+    count: int = GUESSES,
     tell: Callable[[int, float], None] = lambda _start, _miss: None,
 ) -> tuple[list[Sequence], Search]:
     """Drives that meet the goals of a task.
@@ -185,6 +186,8 @@ def choose(
         Steps of the model after which no new start is made.
     several : int
         How many different sequences are looked for, as long as the work is not used up.
+    count : int
+        Guesses that are simulated.
     tell : callable
         Told the number of the start and the smallest miss so far.
 
@@ -198,7 +201,7 @@ def choose(
     problem = Problem(channels(task, choice), model, present)
     search = Search(problem, stop, tell, work=work)
     made: list[Sequence] = []
-    for start in search.ranked(guesses(problem, np.random.default_rng(0), GUESSES))[:STARTS]:
+    for start in search.ranked(guesses(problem, np.random.default_rng(0), count))[:STARTS]:
         if stop() or problem.work > (work / 2 if made else work) or len(made) >= several:
             break
         search.starts += 1

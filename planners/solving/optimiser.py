@@ -51,9 +51,10 @@ ROUNDS, SETTLED = 3, 0.05
 
 @dataclass(frozen=True, slots=True)
 class Optimised:
-    """Where the optimiser ended: unknowns, iterations, and what it said."""
+    """Where the optimiser ended: unknowns, with phases on samples of the plant, their reading on fine steps, iterations, what it said."""
 
     x: Floats
+    reading: Reading
     iterations: int
     word: str
 
@@ -221,32 +222,39 @@ def optimise(
     watch = _Watch(constraints, stop, tell)
     solve = _solver(problem, constraints, watch, price)
     scale, box, x, offset = problem.box.scale, problem.box, start, np.full(len(reading.misses), inf)
+    lower, upper, count = box.lower, box.upper, len(problem.task.phases)
     word, iterations = "", 0
     # Where the search could not come nearer, to ask for more would leave the optimiser nothing to do.
     left = np.abs(reading.misses + problem.offset((grid, reading), (fine_grid, fine)))
     band = np.where(left > ENOUGH, left, BAND)
     for _ in range(ROUNDS):
         if x is not start:
-            reading, fine = problem.read(x, grid), problem.read(x, fine_grid)
+            reading, fine_grid = problem.read(x, grid), problem.grid(x, FINE)
+            fine = problem.read(x, fine_grid)
         before, offset = offset, problem.offset((grid, reading), (fine_grid, fine))
-        if stop() or np.abs(offset - before).max(initial=0.0) < SETTLED:
+        if stop() or (np.abs(offset - before).max(initial=0.0) < SETTLED and fine.worst < ENOUGH):
             break
         low = np.concatenate([-band - offset, np.minimum(OPENING, openings)])
         high = np.concatenate([band - offset, np.full(rows - len(offset), inf)])
         try:
-            found = solve(x0=x / scale, lbx=box.lower / scale, ubx=box.upper / scale, lbg=low, ubg=high)
+            found = solve(x0=x / scale, lbx=lower / scale, ubx=upper / scale, lbg=low, ubg=high)
         except RuntimeError as error:
             if constraints.raised is not None:
                 raise constraints.raised from None
-            return Optimised(x, iterations, str(error).strip().rpartition("\n")[2])
+            return Optimised(x, fine, iterations, str(error).strip().rpartition("\n")[2])
         if constraints.raised is not None:
             raise constraints.raised
         x = np.clip(np.asarray(found["x"]).ravel() * scale, box.lower, box.upper)
+        if lower is box.lower:
+            # From now on phases end where the plant knows its shape; what that moves the other unknowns make up for.
+            x[:count] = problem.on_samples(x[:count])
+            lower, upper = box.lower.copy(), box.upper.copy()
+            lower[:count] = upper[:count] = x[:count]
         stats = solve.stats()
         word, iterations = str(stats["return_status"]), iterations + int(stats["iter_count"])
         if not stats["success"]:
             break
-    return Optimised(x, iterations, word)
+    return Optimised(x, problem.read(x, problem.grid(x, FINE)), iterations, word)
 
 
 def _solver(problem: Problem, constraints: _Constraints, watch: _Watch, price: ca.Function) -> ca.Function:

@@ -37,17 +37,14 @@ Floats = NDArray[np.float64]
 CHECK = 0.01
 """Step of the simulation that decides, s."""
 
-SAMPLE = 0.01
-"""Multiple of the time at which phases end, s: the plant knows its shape then."""
-
 RELAXED, NEAR = 0.25, 3.5
 """Smaller u that is aimed at when a search has come within so many tolerances."""
 
 WARM, NEARBY = 3, 0.6
 """Iterations of the fit from a plan's numbers, and the largest miss in tolerances on fine steps with which that is enough."""
 
-SEVERAL, OTHER_WORK = 2, 10000.0
-"""Sequences of drives that are looked for where they are chosen, and the work spent on others where the given ones do not do."""
+SEVERAL, OTHER_WORK, OTHER_GUESSES = 2, 7000.0, 60
+"""Sequences of drives that are looked for where they are chosen; work and guesses spent on others where the given ones do not do."""
 
 SEARCH_SHARE = 0.7
 """Share of the time limit after which the search ends, so that what it has found can still be finished."""
@@ -241,7 +238,8 @@ def _optimised(
     ended = optimise(problem, found.x, found.reading, price, lambda: clock.after(1.0), told)
     first, chosen = float(price(found.x)), None
     if float(price(ended.x)) < first:
-        best = _on_samples(problem, ended.x, clock)
+        held = ended.reading.worst <= max(ENOUGH, found.reading.worst)
+        best = replace(found, x=ended.x, reading=ended.reading) if held else _on_samples(problem, ended.x, clock)
         if best.reading.worst <= max(ENOUGH, found.reading.worst) and float(price(best.x)) < first:
             chosen = best
     good = chosen is not None
@@ -261,10 +259,7 @@ def _optimised(
 def _on_samples(problem: Problem, x: Floats, clock: Clock) -> Found:
     """Unknowns whose phases end on samples of the plant, fitted once more if that has moved a goal."""
     count = len(problem.task.phases)
-    durations = np.diff(np.round(np.cumsum(x[:count]) / SAMPLE) * SAMPLE, prepend=0.0)
-    low, high = problem.box.lower[:count], problem.box.upper[:count]
-    within = np.clip(durations, np.ceil(low / SAMPLE - 1e-9) * SAMPLE, np.floor(high / SAMPLE + 1e-9) * SAMPLE)
-    durations = np.where((within >= low - 1e-9) & (within <= high + 1e-9), within, x[:count])
+    durations = problem.on_samples(x[:count])
     search = Search(problem.with_durations(durations), lambda: clock.after(1.0))
     x = np.concatenate([durations, x[count:]])
     search.keep(*search.finished(x))
@@ -285,7 +280,13 @@ def _unsolved(
             found, status = free.found, PlanStatus.UTURN
     if status is not PlanStatus.TIME_LIMIT and asked is not None:
         sequences, _ = choose(
-            asked, Choice().on(identified.model.arm), identified.model, search.stop, present=problem.present, work=OTHER_WORK
+            asked,
+            Choice().on(identified.model.arm),
+            identified.model,
+            search.stop,
+            present=problem.present,
+            work=OTHER_WORK,
+            count=OTHER_GUESSES,
         )
         clock.lap("choice")
         if sequences:

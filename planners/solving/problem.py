@@ -41,6 +41,9 @@ FEWEST_STEPS = 4
 LEVEL_SCALE, TIME_SCALE = 0.1, 0.5
 """A change that counts as large: of a level, and of a time or speed relative to the task's own."""
 
+SAMPLE = 0.01
+"""Multiple of the time at which planned phases end, s: the plant knows its shape then."""
+
 GUARD, GUARD_SCALE, PASSED = 0.35, 0.1, 0.2
 """Smallest u that is aimed at, how much less counts as a whole miss, and the smallest with which a plan passes."""
 
@@ -174,6 +177,13 @@ class Problem:
         self.pole = np.array(task.convention.pole, dtype=float)
         self.last: Motion | None = None
         self.sloped: Motion | None = None
+
+    def on_samples(self, durations: Floats) -> Floats:
+        """Durations of the phases, s, near these, with which every phase ends on a sample as far as its bounds have one."""
+        low, high = self.box.lower[: len(durations)], self.box.upper[: len(durations)]
+        near = np.diff(np.round(np.cumsum(durations) / SAMPLE) * SAMPLE, prepend=0.0)
+        within = np.clip(near, np.ceil(low / SAMPLE - 1e-9) * SAMPLE, np.floor(high / SAMPLE + 1e-9) * SAMPLE)
+        return np.where((within >= low - 1e-9) & (within <= high + 1e-9), within, durations)
 
     def with_durations(self, durations: Floats) -> "Problem":
         """The same problem with phases of fixed durations, s."""

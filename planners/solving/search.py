@@ -25,7 +25,7 @@ ENOUGH = 1 / 3
 SAMPLES, STARTS, APART = 60, 12, 0.25
 """Random programmes, how many of them are fitted at most, and how far apart these lie in the unit box."""
 
-WORK = 15000.0
+WORK = 12000.0
 """Steps of the model, with slopes counted by what they cost, after which no new start is made: some two seconds."""
 
 GAIN, NEARLY = 0.9, 1.3
