@@ -59,10 +59,11 @@ def outputs_of(topology):
     return outputs
 
 
-def corrected(made, model, levels, correction):
-    """Levels (groups, S) with a correction of each channel where that acts."""
+def corrected(made, model, levels, correction, shares=None):
+    """Levels (groups, S) with a correction of each channel where that acts, which stays unless `shares` say so."""
     levels = levels.copy()
-    for channel, part in zip(made.channels.each, correction[:, None] * made.channels.shares(np.zeros(1), model.edges)[0], strict=True):
+    shares = made.channels.shares(np.zeros(1), model.edges)[0] if shares is None else shares
+    for channel, part in zip(made.channels.each, correction[:, None] * shares, strict=True):
         levels[MUSCLE_GROUPS.index(channel.group)] += part
     return levels
 
@@ -248,11 +249,11 @@ def test_estimate_weighs_prediction_against_measurement(made):
     doubt = made.final.noise**2
     x = 0.01 * np.ones(32)
     tracker.correct(0, Sight(made.periods[0].strains.reshape(8, 4) + x.reshape(8, 4), outputs_of(made.periods[0].held), np.diag(3 * doubt)))
-    np.testing.assert_allclose(tracker._estimate, x / 4, rtol=1e-9)
+    np.testing.assert_allclose(tracker._estimate, made.periods[0].strains + x / 4, rtol=1e-9)
     np.testing.assert_allclose(np.diag(tracker._doubt), 0.75 * doubt, rtol=1e-9)
     exactly = Tracker(made, adapt=False)
     exactly.correct(0, exact(made.periods[0].strains + x, made.periods[0].held))
-    np.testing.assert_allclose(exactly._estimate, x, rtol=1e-9)
+    np.testing.assert_allclose(exactly._estimate, made.periods[0].strains + x, rtol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -344,17 +345,53 @@ def test_a_standing_clock_holds_the_pose(coil, made, gain):
     assert np.abs(misses).max() < 0.1
 
 
+# Predictions
+
+
+def test_a_period_is_predicted_by_the_model_from_wherever_the_arm_is(coil, made):
+    """With its derivatives by the begin and by the gains; those of the linear form along the plan would miss by a third here."""
+    _, model = coil
+    period = made.periods[60]
+    start, correction = 0.7 * period.strains, 0.05 * np.arange(len(made.channels))
+    ahead = made.predicted(period, correction, start)
+
+    def end(begin, gains=()):
+        levels = corrected(made, model, period.activation, correction, period.shares)
+        for group, gain in gains:
+            levels[MUSCLE_GROUPS.index(group)] *= gain
+        return model.simulate(np.clip(levels, 0, 1)[None], [period.step], start=begin.reshape(8, 4)).strains[-1].ravel()
+
+    np.testing.assert_allclose(ahead.strains, end(start), rtol=1e-12)
+    scale = design.strain_scale(model)
+    way = 1e-5 * scale * np.random.default_rng(0).normal(size=32)
+    change = (end(start + way) - end(start - way)) / 2
+    np.testing.assert_allclose(ahead.transition @ way / scale, change / scale, atol=1e-4 * abs(change / scale).max())
+    assert abs((period.linear.transition - ahead.transition) @ way / scale).max() > 0.1 * abs(change / scale).max()
+    for column, group in enumerate(made.channels.groups):
+        change = (end(start, [(group, 1 + 1e-4)]) - end(start, [(group, 1 - 1e-4)])) / 2e-4 / scale
+        np.testing.assert_allclose(ahead.disturbance[:, column] / scale, change, atol=1e-4 * abs(change).max() + 1e-9)
+
+
+def test_where_the_model_has_no_answer_the_measurement_is_believed(made):
+    tracker, seen = Tracker(made, adapt=True), made.periods[1].strains
+    torn = made.periods[0].strains + 30 * made.scale
+    tracker.correct(0, exact(torn, made.periods[0].held))
+    assert not np.isfinite(made.predicted(made.periods[0], np.zeros(len(made.channels)), torn).strains).all()
+    corrections = tracker.correct(1, exact(seen, made.periods[1].held))
+    np.testing.assert_allclose(tracker._estimate, seen, rtol=1e-6)
+    assert np.isfinite(corrections).all() and not tracker.errors.any() and tracker.watch.dead == ()
+
+
 # Bias
 
 
 def test_bias_is_what_the_linear_model_does_not_explain(made):
-    tracker, x = Tracker(made), np.zeros(32)
-    for k in range(40):  # the shape does what the linear model says, so that there is nothing to learn from it
+    tracker, strains = Tracker(made), made.periods[0].strains
+    for k in range(40):  # the shape does what the model says, so that there is nothing to learn from it
         period = made.periods[k]
-        topology = period.held + period.linear.slopes @ x + [0.05, -0.03]
-        correction = tracker.correct(k, exact(period.strains + x, topology))
-        x = period.linear.transition @ x + period.linear.influence @ correction
-    assert abs(x).max() > 0.01
+        topology = period.held + period.linear.slopes @ (strains - period.strains) + [0.05, -0.03]
+        strains = made.predicted(period, tracker.correct(k, exact(strains, topology)), strains).strains
+    assert abs(strains - made.periods[40].strains).max() > 0.01
     np.testing.assert_allclose(tracker.bias, np.array([0.05, -0.03]) * (1 - (1 - BIAS_SHARE) ** 40), rtol=1e-6)
     assert abs(tracker.errors).max() < 1e-9
 

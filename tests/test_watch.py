@@ -115,10 +115,7 @@ def plan():
     return planner.plan(configuration.task, load_identified(configuration.arm, configuration.scene), time_limit=600.0)
 
 
-LATE = pytest.mark.xfail(strict=True, reason="errors of the shape take up what a dead LM1 does for half a second more")
-
-
-@pytest.mark.parametrize("group", [pytest.param("LM1", marks=LATE), "LM2", "LM8"])
+@pytest.mark.parametrize("group", ["LM1", "LM2", "LM8"])
 def test_a_dead_muscle_of_the_coil_is_named_soon_after_it_should_have_acted(plan, group):
     """Half a second after its level would have passed a twentieth."""
     run = oc.execute(plan, plant=oc.make_plant("rod", plan.arm, plan.scene, gains={group: 0.0}))

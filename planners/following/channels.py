@@ -47,8 +47,6 @@ class Channels:
         By muscle group in the order of the layout, then in the order of the templates.
     groups : tuple of str
         Muscle groups that are used.
-    members : (channels, groups) float64
-        1 where a channel is one of a group.
     """
 
     def __init__(self, activation: Activation, gains: Mapping[str, float] | None = None) -> None:
@@ -62,7 +60,6 @@ class Channels:
         self.each = tuple(found.values())
         self._columns = [activation.layout.index(channel.group) for channel in self.each]
         self._gains = np.array([gains.get(channel.group, 1.0) for channel in self.each])
-        self.members = np.array([[float(channel.group == group) for group in self.groups] for channel in self.each])
 
     def __len__(self) -> int:
         return len(self.each)
@@ -76,6 +73,12 @@ class Channels:
         mainly = shares >= MAINLY * shares.max(axis=2, keepdims=True)
         found: Floats = np.where(mainly & (shares > 0), levels[:, self._columns], 0.0).max(axis=2) / self._gains
         return found
+
+    def corrected(self, levels: Floats, shares: Floats, correction: Floats) -> Floats:
+        """Levels (groups, S) that are felt, from those planned, the channels' shares (channels, S), and a correction (channels,)."""
+        found = levels.copy()
+        np.add.at(found, self._columns, shares * (self._gains * correction)[:, None])
+        return np.asarray(np.clip(found, 0.0, 1.0))
 
     def influence(self, influence: Floats, shares: Floats) -> Floats:
         """What the channels do (T, n, channels), from what every group does in every section (T, n, groups, S)."""

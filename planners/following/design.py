@@ -68,8 +68,14 @@ class Period:
     linear : Linear
     strains : (n,) float64
         Planned shape at its begin.
+    step : float, s
+        How long it is.
+    activation : (groups, S) float64
+        Planned levels of all muscle groups at its end, as they are felt.
+    shares : (m, S) float64
+        Where corrections reach.
     levels : (m,) float64
-        Planned levels, the largest of any section.
+        Planned levels of the channels, the largest of any section.
     held : (R,) float64
         Planned values of what is held at its begin; twist and lifted writhe first, turns.
     noise : (n,) float64
@@ -82,6 +88,9 @@ class Period:
 
     linear: Linear
     strains: Floats
+    step: float
+    activation: Floats
+    shares: Floats
     levels: Floats
     held: Floats
     noise: Floats
@@ -92,6 +101,17 @@ class Period:
     def closed(self) -> Floats:
         """The transition with feedback, A - B K."""
         return self.linear.transition - self.linear.influence @ self.gain
+
+
+class Prediction(NamedTuple):
+    """The end of a period from a begin that need not be planned: strains (n,), derivatives by those at its begin (n, n) and by the errors
+    theta, standard deviations (n,) of what is put down to chance.
+    """
+
+    strains: Floats
+    transition: Floats
+    disturbance: Floats
+    noise: Floats
 
 
 class Course:
@@ -115,6 +135,8 @@ class Course:
         Where feedback may change which muscle groups.
     held : Held
         What it holds.
+    scale : (n,) float64
+        Strains that a fibre at the longitudinal muscles' distance feels as one.
     periods : tuple of Period
         Those of the running clock.
     final : Period
@@ -127,7 +149,7 @@ class Course:
         self.channels = Channels(self._activation, model.gains)
         self.held = Held(plan.task, (*plan.phase_begins.values(), plan.schedule.duration), model)
         self._columns = [MUSCLE_GROUPS.index(group) for group in self.channels.groups]
-        self._scale = strain_scale(model)
+        self.scale = strain_scale(model)
         self.since, left = plan.since, plan.schedule.duration - plan.since
         count = int(np.ceil(left / period - 1e-6))
         # The plan ends within the last period, which is so much shorter.
@@ -148,8 +170,8 @@ class Course:
             change = self._motion.strains[k + 1] - self._motion.strains[k]
             periods.append(
                 Period(
-                    linear=linear[k], strains=self._motion.strains[k].ravel(), levels=planned[k], held=held[k],
-                    noise=self._noise(change), cost=cost, gain=gain, inverse=inverse,
+                    linear=linear[k], strains=self._motion.strains[k].ravel(), step=self.steps[k], activation=levels[k],
+                    shares=shares[k], levels=planned[k], held=held[k], noise=self._noise(change), cost=cost, gain=gain, inverse=inverse,
                 )
             )  # fmt: skip
             cost = before
@@ -183,8 +205,8 @@ class Course:
                 break
         gain, inverse, _ = _regulator(linear, DISCOUNT * cost)
         found = Period(
-            linear=linear, strains=start.ravel(), levels=planned, held=held, noise=self._noise(change), cost=DISCOUNT * cost,
-            gain=gain, inverse=inverse,
+            linear=linear, strains=start.ravel(), step=self.period, activation=levels[0], shares=shares[0], levels=planned, held=held,
+            noise=self._noise(change), cost=DISCOUNT * cost, gain=gain, inverse=inverse,
         )  # fmt: skip
         self._standing = clock, found
         return found
@@ -193,22 +215,38 @@ class Course:
         self, motion: ReducedMotion, levels: Floats, steps: Floats, shares: Floats, begins: Floats
     ) -> tuple[list[Linear], Floats, Floats]:
         """Linear models of the steps of a motion, planned levels (N, m), and what is held (N, R) at the steps' begins."""
-        transition, influence, drag = self._model.linearise(motion, levels, steps)
-        gains = np.einsum("tngs,tgs->tng", influence[:, :, self._columns], levels[:, self._columns])
+        transition, influence, disturbance = self._slopes(motion, levels, steps)
         influence, planned = self.channels.influence(influence, shares), self.channels.planned(levels, shares)
-        disturbance = np.concatenate([gains, drag[:, :, None], (np.eye(len(self._scale)) - transition) * self._scale], axis=2)
-        values, slopes, weights, aims = self.held.along(begins, motion.strains[:-1], SHAPE_NOISE * self._scale)
-        price = np.swapaxes(slopes, 1, 2) @ (weights[:, :, None] * slopes) + np.diag(1 / (SHAPE_ERROR * self._scale) ** 2)
+        values, slopes, weights, aims = self.held.along(begins, motion.strains[:-1], SHAPE_NOISE * self.scale)
+        price = np.swapaxes(slopes, 1, 2) @ (weights[:, :, None] * slopes) + np.diag(1 / (SHAPE_ERROR * self.scale) ** 2)
         effort = 1 / (CORRECTION * (REST_SHARE * self._highest + planned)) ** 2
-        still = np.zeros(len(self._scale))
+        still = np.zeros(len(self.scale))
         linear = [
             Linear(transition[k], influence[k], disturbance[k], still, slopes[k], weights[k], aims[k], price[k], np.diag(effort[k]))
             for k in range(len(levels))
         ]
         return linear, planned, values
 
+    def predicted(self, period: Period, correction: Floats, start: Floats) -> Prediction:
+        """What the model says of a period with a `correction` (m,) that begins with the strains `start` (n,), wherever the plan is."""
+        levels, steps = self.channels.corrected(period.activation, period.shares, correction)[None], np.array([period.step])
+        motion = self._model.simulate(levels, steps, start=start.reshape(self._model.sections, 4))
+        (transition,), _, (disturbance,) = self._slopes(motion, levels, steps)
+        # What drag would do is taken from the planned motion: that of an estimate is full of what its noise is taken to have moved.
+        drag = len(self.channels.groups)
+        disturbance[:, drag] = period.linear.disturbance[:, drag]
+        end = motion.strains[1].ravel()
+        return Prediction(end, transition, disturbance, self._noise(end - start))
+
+    def _slopes(self, motion: ReducedMotion, levels: Floats, steps: Floats) -> tuple[Floats, Floats, Floats]:
+        """Derivatives of the ends of steps by their begins, by the levels of all groups and sections, and by the errors theta."""
+        transition, influence, drag = self._model.linearise(motion, levels, steps)
+        gains = np.einsum("tngs,tgs->tng", influence[:, :, self._columns], levels[:, self._columns])
+        creep = (np.eye(len(self.scale)) - transition) * self.scale
+        return transition, influence, np.concatenate([gains, drag[:, :, None], creep], axis=2)
+
     def _noise(self, change: Floats) -> Floats:
-        return np.hypot(SHAPE_NOISE * self._scale, MOTION_NOISE * change.ravel())
+        return np.hypot(SHAPE_NOISE * self.scale, MOTION_NOISE * change.ravel())
 
 
 def _regulator(linear: Linear, cost: Floats) -> tuple[Floats, Floats, Floats]:
