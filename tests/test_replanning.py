@@ -160,6 +160,18 @@ def test_a_run_that_was_planned_again_goes_on_with_its_bits(coil, tmp_path):
     assert kept.replans == whole.replans and kept.plan.identified.reach == coil.identified.reach
 
 
+def test_what_waves_on_their_way_have_missed_is_tried_with_drives_that_the_planner_chooses():
+    """The corkscrew's two waves, both on their way when its last phase is to be planned again: none of its drives can be changed."""
+    plan = oc.plan("corkscrew")
+    last = list(plan.phase_begins)[-1]
+    clock = plan.phase_begins[last] + 0.5
+    plant = make_plant("rod", plan.arm, plan.scene)
+    plant.advance(plan.schedule.activation(), clock)
+    again = planned_again(plan, clock, [last], plant.observe(), 0.0, (), 20.0)
+    assert again.since == pytest.approx(clock) and again.status in PlanStatus
+    assert {drive.name for drive in plan.task.drives} <= {drive.name for drive in again.task.drives}
+
+
 def test_replanning_needs_feedback_by_name(coil):
     with pytest.raises(OctoctrlError, match=r"give feedback by its name$"):
         oc.execute(coil, feedback=lambda _time, _observation: {}, replan=True)

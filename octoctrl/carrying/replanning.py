@@ -165,7 +165,7 @@ def planned_again(plan: Plan, clock: float, ahead: Sequence[str], observation: O
     present = Present(strains=model.strains(observation), lifted_writhe=lifted_writhe, before=before, clock=clock)
     identified = _identified(plan, model)
     found = planner.plan(task, identified, present=present, time_limit=time_limit)
-    if not found.status.solved and dead:
+    if not found.status.solved and dead and task.drives:
         found = planner.plan(replace(task, drives=(), choose=Choice()), identified, present=present, time_limit=time_limit)
     return _joined(plan, found, begun, ahead)
 
@@ -201,7 +201,9 @@ def _left(plan: Plan, clock: float, ahead: Sequence[str]) -> tuple[Task, tuple[A
             name = f"{drive.name.partition(' from ')[0]} from {clock:.2f} s"
             drives.append(replace(drive, name=name, primitive=again, begins=ahead[0], ends=drive.ends if drive.ends in ahead[1:] else "",
                                   delay=0.0, free=tuple(dict.fromkeys(number for number in drive.free if number != "delay"))))  # fmt: skip
-    return replace(plan.task, phases=tuple(phases), drives=tuple(drives)), tuple(before), tuple(begun)
+    # Where all drives are waves that run on by themselves, others may do what these have not.
+    choose = plan.task.choose if drives else Choice()
+    return replace(plan.task, phases=tuple(phases), drives=tuple(drives), choose=choose), tuple(before), tuple(begun)
 
 
 def _joined(old: Plan, new: Plan, begun: Sequence[Drive], ahead: Sequence[str]) -> Plan:
