@@ -387,6 +387,16 @@ def test_a_plan_is_held_only_where_the_whole_verdict_passes(hold, monkeypatch):
     assert found.report.reason.startswith("post.depth is 0.000") and "the limit 0.000139" in found.report.reason
 
 
+def test_a_search_that_comes_near_nothing_ends_early_and_one_candidate_is_checked():
+    """A thin post beside the base, where the arm cannot bend so tightly."""
+    configuration = task_for(replace(POST, radius=4e-3, position=(-0.06, 0.0, 0.0)))
+    base = oc.plan(task_for(replace(POST, radius=0.025)))
+    found = plan_by_search(configuration.task, replace(base.model, scene=configuration.scene), population=2, rounds=40)
+    searched = [line for line in found.report.tried if line.startswith("phase")]
+    assert found.status is PlanStatus.MISSED and found.report.starts == 1 + 2 * 2 * searching.FIRST_ROUNDS, searched
+    assert sum(line.startswith("candidate") for line in found.report.tried) == 1
+
+
 def test_a_plan_that_one_scenario_loses_is_not_called_held(hold, monkeypatch):
     found, _ = as_given(hold, monkeypatch, scenarios=(PLANNED, Scenario(bend=0.3), Scenario(friction=0.5)), free=())
     assert found.status is PlanStatus.FRAGILE and found.status.solved

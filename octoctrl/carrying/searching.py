@@ -270,9 +270,10 @@ def _search_phase(stage: Stage, work: Work, index: int) -> tuple[list[Candidate]
         return [Candidate(own, judged)], [f"phase '{name}' was not searched"], 1
     left = work.rounds - sum(len(result.rounds) for result in found)
     result = min(found, key=lambda result: (not result.best.judgement.met, result.best.price))
-    if left > 0 and result.ended != "good enough" and not work.over():
+    near = result.best.price <= stage.hopeless  # else nothing came near, and more of the same will not
+    if near and left > 0 and result.ended != "good enough" and not work.over():
         _rounds(stage, result, work, left, enough, 1000 * index + STARTS)
     candidates = [item for result in found for item in result.apart(CANDIDATES, APART)]
     ranked = sorted(candidates, key=lambda item: (not item.judgement.met, item.price))
     said = [f"phase '{name}', {result}" for result in found]
-    return ranked[:CANDIDATES], said, 1 + sum(len(result.candidates) for result in found)
+    return ranked[: CANDIDATES if near else 1], said, 1 + sum(len(result.candidates) for result in found)

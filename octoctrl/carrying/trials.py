@@ -184,20 +184,21 @@ class Stage:
         None of the others is taken to be better than the best that was seen.
         """
         prices: list[float] = []
-        met = True
+        recordings: list[Recording] = []
         for number in range(len(self.scenarios)):
             try:
                 recording, _ = self.run(x, number)
                 prices.append(self.price(recording))
-                met = met and max(misses(self.phase, recording, self.arm, self.task), default=0.0) <= 1
+                recordings.append(recording)
             except PlantUnstableError:
                 prices.append(LOST)
-                met = False
             if prices[-1] > self.hopeless or self.together(prices, min(prices)) > worth:
                 break
         tried = len(prices)
         price = self.together(prices, max(prices) + 0.2)
-        met = met and tried == len(self.scenarios)
+        met = len(recordings) == len(self.scenarios) and all(
+            max(misses(self.phase, recording, self.arm, self.task), default=0.0) <= 1 for recording in recordings
+        )
         return Judgement(price=price, simulated=tried * self.phase.duration, runs=tried, met=met, notes=tuple(prices))
 
     def together(self, prices: list[float], other: float) -> float:
