@@ -128,11 +128,9 @@ class Ledger:
         v0, w0 = self.motion()
         for name in ("ring spin", "kick"):
             self.term(name)
-        w1 = self.motion()[1]
-        before = self.spin_energy()
+        spun = self.motion()[1]
         self.steady(flat, 1 - np.exp(-RING_SPIN_RATE * h))
-        self.add("ring spin brake", self.spin_energy() - before)
-        slow = self.motion()[0]
+        slow, w1 = self.motion()
         self.hold(flat, 1 - np.exp(-CORD_SLIP_RATE * h))
         braked = self.motion()[0]
         self.term("axial")
@@ -149,6 +147,8 @@ class Ledger:
         for number, family in enumerate(self.families):
             for label, first, then in (("cord brake", slow, braked), ("selective mass", relaxed, smoothed), ("pressure", held, v1)):
                 self.add(label, dot(family.mass[..., None] * (then[number] - first[number]), mid_v[number]))
+            # Elements drift with the spin that the brake has left, and moments work over that way.
+            self.add("ring spin brake", dot(family.inertia() / family.view(R.STRETCH)[..., None] * (w1[number] - spun[number]), mid_w[number]))
             internal[number]["tension"] = tensions[number]
             self.book_internal(family, internal[number], mid_v[number], mid_w[number], force[number], torque[number])
         for name, f, t in external:
