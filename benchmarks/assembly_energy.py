@@ -148,7 +148,9 @@ class Ledger:
             for label, first, then in (("cord brake", slow, braked), ("selective mass", relaxed, smoothed), ("pressure", held, v1)):
                 self.add(label, dot(family.mass[..., None] * (then[number] - first[number]), mid_v[number]))
             # Elements drift with the spin that the brake has left, and moments work over that way.
-            self.add("ring spin brake", dot(family.inertia() / family.view(R.STRETCH)[..., None] * (w1[number] - spun[number]), mid_w[number]))
+            self.add(
+                "ring spin brake", dot(family.inertia() / family.view(R.STRETCH)[..., None] * (w1[number] - spun[number]), mid_w[number])
+            )
             internal[number]["tension"] = tensions[number]
             self.book_internal(family, internal[number], mid_v[number], mid_w[number], force[number], torque[number])
         for name, f, t in external:

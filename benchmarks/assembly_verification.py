@@ -1,8 +1,9 @@
 """Verification of the full arm: time step, velocity noise, volume, and a recorded run of the published code.
 
 Run with ``python benchmarks/assembly_verification.py steps`` (about eight minutes), ``halves`` (70 against 35 us; four minutes, with
-``coarse mixed`` one), ``noise`` (one minute), ``rest`` (one minute), ``buckling`` (one minute), ``volume`` (every group and pair at 0.3 and
-1.0; fifteen minutes, with ``coarse`` five; see there for its words), or ``published FOLDER`` with the folder of the recorded run
+``coarse mixed`` one), ``noise`` (one minute), ``rest`` (one minute), ``mirror`` (left against right; one minute),
+``rings`` (360 against 180; ten minutes, with ``coarse`` two), ``buckling`` (one minute), ``volume`` (every group and pair at 0.3 and 1.0;
+fifteen minutes, with ``coarse`` five; see there for its words), or ``published FOLDER`` with the folder of the recorded run
 (``fig2c.csv`` and ``fig2c-states.npz``; three minutes).
 """
 
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from assembly import programme
+from assembly_resolution import TRACES, compare, run
 
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.buffer import set_filter_masks
@@ -210,6 +212,47 @@ def halves(words):
         print(f"{label:5s} 70 against 35 us, greatest difference in turns or mm:", ", ".join(cells), flush=True)
 
 
+def mirror(words):
+    """Print how far left and right are apart that should be each other's mirror image: the greatest difference in time.
+
+    `words` may hold ``coarse``.
+    """
+    kind = "assembly" + "-coarse" * ("coarse" in words) + "-mixed"
+    print("groups and their mirror image, level: greatest twist, how far the two are apart, in turns and of the greatest; length in mm")
+    for others in ((), ("LM1",), ("TM",)):
+        for level in (0.3, 1.0):
+            found = []
+            for hand in ("R-OM", "L-OM"):
+                plateau = Activation(templates=(Plateau(groups=(hand, *others), level=level, rise=RISE),))
+                recording = make_plant(kind).advance(plateau, 1.0)
+                found.append((measure(recording.time, recording.points, recording.frames).twist, 1e3 * recording.length))
+            (right, length), (left, other) = found
+            most, apart = np.abs(right).max(), np.abs(right + left).max()
+            name = ", ".join(("R-OM", *others))
+            print(f"{name:10s} {level:4.2f}: {most:7.4f} {apart:.1e} {apart / most:.1e}; {np.abs(length - other).max():.4f}", flush=True)
+
+
+def rings(words):
+    """Print what twice as many rings change in the whole coil at oblique level 0.17, and where, in mixed precision.
+
+    `words` may hold ``coarse``: rings of eight nodes.
+    """
+    build, found = {"precision": "mixed"} | ({"ring_nodes": 8} if "coarse" in words else {}), {}
+    for count in (180, 360):
+        plant, found[count], cost = run(build | {"rings": count}, 0.17, 7.0)
+        at_end = ", ".join(f"{name} {value:.4f}" for name, value in zip(TRACES, found[count][:, -1], strict=True))
+        print(f"{count} rings, {1e6 * plant.h:.1f} us, {cost:.1f} processor s per s, at the end:", at_end, flush=True)
+    print("360 against 180 rings, greatest and rms difference in turns or mm, and of the greatest value:")
+    print(" ", compare(found[180], found[360]))
+    print("  the same when one turn is stored and when the coil is there (turns or mm):")
+    for time in (1.5, 7.0):
+        k = round(time / 7.0 * found[180].shape[1]) - 1
+        print(
+            f"  {time:.1f} s:",
+            ", ".join(f"{name} {a - b:+.4f}" for name, a, b in zip(TRACES, found[180][:, k], found[360][:, k], strict=True)),
+        )
+
+
 def rest():
     """Print the fastest node of an arm without any tone, pushed by 1 nm/s."""
     print(f"{'step us':>8s}  fastest node, m/s, every 0.1 s")
@@ -261,12 +304,11 @@ def published(folder):
 
 def main():
     subjects = {"steps": steps, "noise": noise, "rest": rest, "buckling": buckling}
+    with_words = {"volume": volume, "halves": halves, "mirror": mirror, "rings": rings}
     if sys.argv[1:2] == ["published"] and len(sys.argv) == 3:
         published(Path(sys.argv[2]))
-    elif sys.argv[1:2] == ["volume"]:
-        volume(sys.argv[2:])
-    elif sys.argv[1:2] == ["halves"]:
-        halves(sys.argv[2:])
+    elif sys.argv[1:2] and sys.argv[1] in with_words:
+        with_words[sys.argv[1]](sys.argv[2:])
     elif sys.argv[1:] and all(name in subjects for name in sys.argv[1:]):
         for name in sys.argv[1:]:
             subjects[name]()
