@@ -2,7 +2,7 @@
 
 Run with ``python benchmarks/assembly_verification.py steps`` (about eight minutes), ``halves`` (70 against 35 us; four minutes, with
 ``coarse mixed`` one), ``noise`` (one minute), ``rest`` (one minute), ``mirror`` (left against right; one minute),
-``rings`` (360 against 180; ten minutes, with ``coarse`` two), ``buckling`` (one minute), ``volume`` (every group and pair at 0.3 and 1.0;
+``rings`` (360 against 180; ten minutes, with ``coarse`` two), ``buckling`` (three minutes), ``volume`` (every group and pair at 0.3 and 1.0;
 fifteen minutes, with ``coarse`` five; see there for its words), or ``published FOLDER`` with the folder of the recorded run
 (``fig2c.csv`` and ``fig2c-states.npz``; three minutes).
 """
@@ -18,6 +18,7 @@ from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.assembly.buffer import set_filter_masks
 from octoctrl.sim.assembly.core import AssemblyCore, compiled
 from octoctrl.sim.assembly.layout import AssemblyRow as R
+from octoctrl.sim.assembly.layout import SpokeRow as S
 from octoctrl.sim.assembly.meeting_kernels import crews, together
 from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
@@ -146,19 +147,54 @@ def centre_line(plant):
     return lengths.sum() / np.ptp(plant.core.geometry.rings.points[:, 0, 1]) - 1, turning
 
 
+def bowstring(plant):
+    """Greatest tension of the cord over the one that an arm of equal sections bears straight, sqrt(B k), and the ring where it is.
+
+    The cord is stretched inside muscles that the pressure keeps apart: a string P in a column of bending stiffness B, tied to it by springs k
+    per length. A wave of number q turns aside where B q^4 < P^2 q^4 / (P q^2 + k), the longest first, at P^2 = B k. B is that of the
+    muscles' passive tension, sum A r^2 (e / 2) d(sigma / e)/de over rods of rest area A at the distance r from the cord.
+    """
+    rods, law, geometry = plant.core.rods, plant.arm.longitudinal, plant.core.geometry
+    stretch, area = rods.straight(R.STRETCH).astype(float), geometry.straight.area
+    nodes = plant.core.nodes()[0]
+    apart = np.linalg.norm(nodes[1:] - nodes[0], axis=2)
+    radius, e, small = (apart[:, 1:] + apart[:, :-1]) / 2, stretch[1:], 1e-4
+    slope = (law.passive_stress(e + small) / (e + small) - law.passive_stress(e - small) / (e - small)) / (2 * small)
+    bending = np.sum(area[1:] * radius**2 * e / 2 * slope, axis=0)
+    spring = rods.spoke(S.C_SPRING).sum(axis=0) / 2 / (geometry.spacing * stretch[0])
+    share = area[0] * law.passive_stress(stretch[0]) / stretch[0] / np.sqrt(bending * spring)
+    return share.max(), int(share.argmax())
+
+
 def buckling():
-    """Print how the tip of an arm with coarse rings turns aside while TM is held, by itself or if it is pushed when the level has risen."""
-    print("level, push in m/s: greatest turning every 0.05 s from 0.5 s on, degrees; elongation at the end")
-    for level, push, until in ((1.0, 0.0, 1.2), (1.0, 1e-4, 1.2), (1.0, 1e-2, 1.2), (0.9, 0.0, 2.0), (0.8, 0.0, 2.0)):
-        plant, activation = make_plant("assembly-coarse-mixed"), Activation(templates=(Plateau(groups=("TM",), level=level, rise=RISE),))
-        plant.advance(activation, RISE)
+    """Print how the tip of an arm with coarse rings turns aside while TM is held: by itself, pushed, with twice the rings, tied otherwise."""
+    print("level, push in m/s: load of the cord at the rise's end over that of the bowstring, ring; greatest turning every 0.05 s from the")
+    print("rise's end on, degrees; elongation at the end")
+    cases = (
+        ("", 1.0, 0.0, RISE, 1.2, {}, 1.0),
+        ("", 1.0, 1e-4, RISE, 1.2, {}, 1.0),
+        ("", 1.0, 1e-2, RISE, 1.2, {}, 1.0),
+        ("", 0.9, 0.0, RISE, 2.0, {}, 1.0),
+        ("", 0.8, 0.0, RISE, 2.0, {}, 1.0),
+        ("twice the rise", 1.0, 0.0, 2 * RISE, 1.6, {}, 1.0),
+        ("half the step", 0.9, 0.0, RISE, 1.6, {"dt": 3.5e-5}, 1.0),
+        ("360 rings", 0.9, 0.0, RISE, 1.6, {"rings": 360}, 1.0),
+        ("360 rings", 0.8, 0.0, RISE, 2.0, {"rings": 360}, 1.0),
+        ("cord tied 4 x as stiffly", 1.0, 0.0, RISE, 2.0, {}, 4.0),
+    )
+    for label, level, push, rise, until, build, tied in cases:
+        plant = make_plant("assembly", **({"ring_nodes": 8, "precision": "mixed"} | build))
+        activation = Activation(templates=(Plateau(groups=("TM",), level=level, rise=rise),))
+        plant.core.rods.spoke(S.C_SPRING)[:] *= tied
+        plant.advance(activation, rise)
+        load, ring = bowstring(plant)
         sideways, cells = plant.core.rods.straight(R.V1, nodes=True)[1:, 140:], []
         sideways += push * np.linspace(0, 1, sideways.shape[1])
         while plant.time < until - 1e-9:
             plant.advance(activation, 0.05)
             length, turning = centre_line(plant)
             cells.append(f"{turning:.2g}")
-        print(f"{level:4.2f} {push:6g}:", *cells, f" {length:+.1%}", flush=True)
+        print(f"{level:4.2f} {push:6g} {label}: {load:.2f} at {ring};", *cells, f" {length:+.1%}", flush=True)
 
 
 def volume(words):

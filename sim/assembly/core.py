@@ -145,6 +145,11 @@ class AssemblyCore:
     ) -> None:
         self.arm, self.scene, self.paper_compatible = arm, scene, paper_compatible
         anatomy = arm.anatomy
+        if scene.self_contact:
+            raise OctoctrlError("the full arm does not touch itself yet; leave self_contact out, or take the plant 'rod'")
+        other = next((item for item in scene.objects if not isinstance(item, Capsule)), None)
+        if paper_compatible and other is not None:
+            raise OctoctrlError(f"the published contact knows capsules only (found '{other.name}'); leave it or paper_compatible out")
         if resting_tone is None:
             resting_tone = anatomy.published_tone if paper_compatible else anatomy.resting_tone
         check_number("resting_tone", resting_tone, at_least=0.0, at_most=1.0)
@@ -185,11 +190,6 @@ class AssemblyCore:
         laws = fibre_laws(arm, paper_compatible)
         self._laws = tuple(law_constants(law, viscosity=anatomy.viscosity, centre=centre) for law in laws)
         self._around = surroundings_of(arm, scene, self.geometry)
-        if scene.self_contact:
-            raise OctoctrlError("the full arm does not touch itself yet; leave self_contact out, or take the plant 'rod'")
-        other = next((item for item in scene.objects if not isinstance(item, Capsule)), None)
-        if paper_compatible and other is not None:
-            raise OctoctrlError(f"the published contact knows capsules only (found '{other.name}'); leave it or paper_compatible out")
         self.rest()
 
     @property

@@ -11,8 +11,9 @@ from .layout import offsets
 
 ONE = np.uint64(1)
 FINE, STRETCHED, BENT, NOT_A_NUMBER, SHEARED, SPUN, SUNK = 0, 1, 2, 3, 5, 6, 7
-"""What the guard found: nothing, an element outside the allowed stretch, a joint bent too far, a value that is no number, a section that
-has fallen over, a frame that is no longer orthonormal (4 is speed, which the assembly watches)."""
+"""What ended a sample: nothing, an element outside the allowed stretch, a joint bent too far, a value that is no number, a section that
+has fallen over, a frame that is no longer orthonormal (4 is speed, which the assembly watches), and, found by the stepping and not by the
+guard, a point that has sunk deeper into an object than its contact explains."""
 
 STRETCH_LIMITS = (0.2, 3.0)
 JOINT_LIMIT = 1.5
