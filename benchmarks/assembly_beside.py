@@ -2,7 +2,7 @@
 
 Run with ``python benchmarks/assembly_beside.py [FOLDER] [--rounds 12] [--piece 0.1]`` (two minutes, more where code has to be compiled).
 FOLDER is another checkout, such as an older commit (``git worktree add FOLDER COMMIT``), whose arms stand above ours: times are ratios to
-the first line. Each round moves every arm on by a piece of time (s) with R-OM, LM1 and TM; the best counts, because on a shared machine the
+the first line. Each round moves every arm on by a piece of time (s) with R-OM at 0.2; the best counts, because on a shared machine the
 others measure the neighbours. Memory is the most that a process has taken that finds its compiled code on disk.
 """
 
@@ -20,7 +20,7 @@ try:
 except ImportError:  # where it stood once
     from octoctrl.plants import make_plant
 plant = make_plant(sys.argv[1])
-moving = Activation(templates=(Plateau(groups=("R-OM", "LM1", "TM"), level=0.3, rise=0.05),))
+moving = Activation(templates=(Plateau(groups=("R-OM",), level=0.2, rise=0.05),))
 plant.advance(moving, 0.01)
 for line in sys.stdin:
     piece, begin = float(line), time.process_time()

@@ -1,10 +1,10 @@
 """Verification of the full arm: time step, velocity noise, volume, and a recorded run of the published code.
 
 Run with ``python benchmarks/assembly_verification.py steps`` (about eight minutes), ``halves`` (70 against 35 us; four minutes, with
-``coarse mixed`` one), ``noise`` (one minute), ``rest`` (one minute), ``mirror`` (left against right; one minute),
-``rings`` (360 against 180; ten minutes, with ``coarse`` two), ``buckling`` (three minutes), ``volume`` (every group and pair at 0.3 and 1.0;
-fifteen minutes, with ``coarse`` five; see there for its words), or ``published FOLDER`` with the folder of the recorded run
-(``fig2c.csv`` and ``fig2c-states.npz``; three minutes).
+``coarse mixed`` one), ``noise`` (one minute), ``rest`` (one minute), ``mirror`` (left against right; two minutes), ``rings`` (360 against
+180; ten minutes, with ``coarse`` two), ``buckling`` (three minutes), ``volume`` (every group and pair at 0.3 and 1.0; fifteen minutes, with
+``coarse`` five; see there for its words), or ``published FOLDER`` with the folder of the recorded run (``fig2c.csv`` and
+``fig2c-states.npz``; three minutes).
 """
 
 import sys
@@ -150,9 +150,9 @@ def centre_line(plant):
 def bowstring(plant):
     """Greatest tension of the cord over the one that an arm of equal sections bears straight, sqrt(B k), and the ring where it is.
 
-    The cord is stretched inside muscles that the pressure keeps apart: a string P in a column of bending stiffness B, tied to it by springs k
-    per length. A wave of number q turns aside where B q^4 < P^2 q^4 / (P q^2 + k), the longest first, at P^2 = B k. B is that of the
-    muscles' passive tension, sum A r^2 (e / 2) d(sigma / e)/de over rods of rest area A at the distance r from the cord.
+    The cord is stretched inside muscles that the pressure keeps apart: a string of tension P in a column of bending stiffness B, tied to
+    it by springs k per length. A wave of number q turns aside where B q^4 < P^2 q^4 / (P q^2 + k), the longest first, at P^2 = B k. B is
+    that of the muscles' passive tension, sum A r^2 (e / 2) d(sigma / e)/de over rods of rest area A at the distance r from the cord.
     """
     rods, law, geometry = plant.core.rods, plant.arm.longitudinal, plant.core.geometry
     stretch, area = rods.straight(R.STRETCH).astype(float), geometry.straight.area
@@ -162,12 +162,13 @@ def bowstring(plant):
     slope = (law.passive_stress(e + small) / (e + small) - law.passive_stress(e - small) / (e - small)) / (2 * small)
     bending = np.sum(area[1:] * radius**2 * e / 2 * slope, axis=0)
     spring = rods.spoke(S.C_SPRING).sum(axis=0) / 2 / (geometry.spacing * stretch[0])
-    share = area[0] * law.passive_stress(stretch[0]) / stretch[0] / np.sqrt(bending * spring)
+    taut = (e > 1 + law.slack).all(axis=0)  # the muscles near the base are not
+    share = np.where(taut, area[0] * law.passive_stress(stretch[0]) / stretch[0] / np.sqrt(np.where(taut, bending, 1.0) * spring), 0.0)
     return share.max(), int(share.argmax())
 
 
 def buckling():
-    """Print how the tip of an arm with coarse rings turns aside while TM is held: by itself, pushed, with twice the rings, tied otherwise."""
+    """Print how the tip of an arm with coarse rings turns aside while TM is held: by itself, pushed, with more rings, tied otherwise."""
     print("level, push in m/s: load of the cord at the rise's end over that of the bowstring, ring; greatest turning every 0.05 s from the")
     print("rise's end on, degrees; elongation at the end")
     cases = (
@@ -271,9 +272,9 @@ def mirror(words):
 def rings(words):
     """Print what twice as many rings change in the whole coil at oblique level 0.17, and where, in mixed precision.
 
-    `words` may hold ``coarse``: rings of eight nodes.
+    `words` may hold ``coarse``, rings of eight nodes, and ``taut``, helices that are straight from ring to ring.
     """
-    build, found = {"precision": "mixed"} | ({"ring_nodes": 8} if "coarse" in words else {}), {}
+    build, found = {"precision": "mixed", "taut": "taut" in words} | ({"ring_nodes": 8} if "coarse" in words else {}), {}
     for count in (180, 360):
         plant, found[count], cost = run(build | {"rings": count}, 0.17, 7.0)
         at_end = ", ".join(f"{name} {value:.4f}" for name, value in zip(TRACES, found[count][:, -1], strict=True))

@@ -68,7 +68,7 @@ def _rod(arm: Arm, scene: Scene, **options: Any) -> Core:
 def _assembly(arm: Arm, scene: Scene, **options: Any) -> Core:
     from .assembly.core import AssemblyCore
 
-    _check_options("assembly", options, ("paper_compatible", "precision", "resting_tone", "ring_nodes", "rings", "threads"))
+    _check_options("assembly", options, ("paper_compatible", "precision", "resting_tone", "ring_nodes", "rings", "taut", "threads"))
     return AssemblyCore(arm, scene, **options)
 
 

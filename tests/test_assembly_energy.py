@@ -31,8 +31,8 @@ def test_laws_neither_make_nor_lose_energy(twisted):
     ledger, (_, before), (_, after) = twisted
     muscles = ledger.work["muscles"]
     for name in after:
-        # Shear is integrated explicitly in elements whose rotary inertia is raised; all else to a thousandth.
-        share = 0.02 if name in ("shear", "bending and twist") else 0.001
+        # That stretching softens a rod in shear and bending is not felt as tension; all else to a thousandth.
+        share = 0.005 if name in ("shear", "bending and twist") else 0.001
         assert ledger.work[name] + after[name] - before[name] == pytest.approx(0.0, abs=share * muscles), name
 
 

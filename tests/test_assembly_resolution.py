@@ -144,3 +144,14 @@ def test_a_state_belongs_to_its_resolution(tmp_path):
     make_plant("assembly", ring_nodes=8).save(tmp_path / "state.npz")
     with pytest.raises(OctoctrlError, match="ring_nodes=8, this plant ring_nodes=16"):
         make_plant("assembly", ring_nodes=16, dt=7.1e-5).load(tmp_path / "state.npz")
+
+
+@pytest.mark.parametrize("rings", [180, 360])
+def test_taut_fibres_meet_the_rings_where_others_do_and_are_straight_in_between(rings):
+    grid = octopus_grid(ARM, rings, 8)
+    loose, taut = (assembly_geometry(ARM, grid, kind).oblique for kind in (False, True))
+    np.testing.assert_array_equal(taut.points[:, :: grid.helix_nodes], loose.points[:, :: grid.helix_nodes])
+    between = (taut.points[:, :-2:2] + taut.points[:, 2::2]) / 2
+    np.testing.assert_allclose(taut.points[:, 1:-1:2], between, rtol=0, atol=1e-15)
+    apart = np.linalg.norm(np.diff(loose.points[:, ::2], axis=1), axis=2)
+    np.testing.assert_allclose(taut.length[:, : 2 * rings - 2].reshape(8, -1, 2).sum(axis=2), apart, rtol=1e-12)

@@ -54,6 +54,10 @@ OBJECTS = [
     (lambda: make_plant("assembly", threads=3), "threads=3 is outside 1…2; one half of the arm for each"),
     (lambda: make_plant("assembly", threads=1.5), "threads: expected a whole number, found float 1.5"),
     (lambda: make_plant("assembly", threads=2, paper_compatible=True), "paper_compatible runs in one thread; leave threads=2 out"),
+    (
+        lambda: make_plant("assembly", taut=True, paper_compatible=True),
+        "paper_compatible has the study's fibres, which are not taut; leave taut out",
+    ),
     (lambda: make_plant("rod", precision="mixed"), "unknown rod option 'precision' (complete)"),
     (lambda: make_plant("rod", threads=2), "unknown rod option 'threads' (complete)"),
     (lambda: oc.Phase(name="store", duration=0), "phase 'store': duration=0 s is outside 0.3…4 s"),

@@ -38,9 +38,10 @@ SPIN_ARM = 1e-3
 INERTIA_FLOOR = 0.8
 """Rotary inertia is at least (shear + bending stiffness of the element) times (this times the step)^2: twice what stability needs."""
 LEAST_SPIN_RATE = 20.0
-"""Rate (1/s) of the drag on the spin of rings and helices in the thinnest water, and in none, since fibres are held by their tissue.
+"""Rate (1/s) of the drag on the spin of all rods in the thinnest water, and in none, since fibres are held by their tissue.
 
-Without it, twist waves that run to the thin end of a helix spin it faster and faster, until its elements turn over within a step.
+Without it, twist waves that run to the thin end of a helix spin it faster and faster, until its elements turn over within a step, and
+elements of the longitudinal muscles near the tip, which no water turns, flutter to and fro ever faster where they are sheared.
 """
 
 R = AssemblyRow
@@ -275,9 +276,7 @@ def fill_parameters(
     floor = 0.0 if published else h
     muscles, helices = straight_mass(arm, geometry, floor), oblique_mass(arm, geometry, floor)
     held_rods = None if held else 1
-    spin_rates = (
-        rates if published else tuple(max(rate, least) for rate, least in zip(rates, (0.0, LEAST_SPIN_RATE, LEAST_SPIN_RATE), strict=True))
-    )
+    spin_rates = rates if published else tuple(max(rate, LEAST_SPIN_RATE) for rate in rates)
     _fill_open(buffer, arm, geometry.straight, buffer.straight, h, rates[0], spin_rates[0], floor, muscles, held_rods)
     _fill_open(buffer, arm, geometry.oblique, buffer.oblique, h, rates[1], spin_rates[1], floor, helices, held_rods if held else 0)
     rows = buffer.open_rods

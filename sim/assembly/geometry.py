@@ -186,8 +186,8 @@ def assembly_grid(arm: Arm, rings: int | None = None, ring_nodes: int | None = N
     return fixed
 
 
-def assembly_geometry(arm: Arm, grid: AssemblyGrid | None = None) -> AssemblyGeometry:
-    """Build the rods of `arm` on `grid`, by default on the published one.
+def assembly_geometry(arm: Arm, grid: AssemblyGrid | None = None, taut: bool = False) -> AssemblyGeometry:
+    """Build the rods of `arm` on `grid`, by default on the published one; `taut` helices are straight from ring to ring.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def assembly_geometry(arm: Arm, grid: AssemblyGrid | None = None) -> AssemblyGeo
     heights = straight.centres[0, :, 1]
     rings = _rings(arm, grid, heights, layer)
     fibre = arm.oblique_radius * outline
-    oblique, nodes, edges = _helices(arm, grid, spacing, step, layer + arm.ring_radius + fibre, fibre)
+    oblique, nodes, edges = _helices(arm, grid, spacing, step, layer + arm.ring_radius + fibre, fibre, taut)
     return AssemblyGeometry(
         grid=grid,
         spacing=spacing,
@@ -272,7 +272,9 @@ def _rings(arm: Arm, grid: AssemblyGrid, heights: Floats, layer: Floats) -> RodF
     return RodFamily(points=points, frames=frames, radius=radius, density=density, closed=True, fibres=grid.bundle)
 
 
-def _helices(arm: Arm, grid: AssemblyGrid, spacing: float, step: float, path: Floats, fibre: Floats) -> tuple[RodFamily, Any, Floats]:
+def _helices(
+    arm: Arm, grid: AssemblyGrid, spacing: float, step: float, path: Floats, fibre: Floats, taut: bool
+) -> tuple[RodFamily, Any, Floats]:
     count, per_ring, helices, half = grid.rings, grid.helix_nodes, grid.helices, grid.helices // 2
     node = np.arange(grid.helix_elements + 1)
     heights: Floats = np.asarray(spacing / per_ring * (per_ring / 2 + node), dtype=np.float64)
@@ -285,6 +287,10 @@ def _helices(arm: Arm, grid: AssemblyGrid, spacing: float, step: float, path: Fl
     for number in range(helices):
         azimuth = (angle if number < half else -angle) + number * tau / half + shift[number] * tau / grid.ring_nodes
         points[number] = np.stack([at_node * np.cos(azimuth), heights, at_node * np.sin(azimuth)], axis=1)
+    if taut:
+        share = (np.arange(per_ring) / per_ring)[:, None]
+        first, second = points[:, :-per_ring:per_ring, None], points[:, per_ring::per_ring, None]
+        points[:, : per_ring * (count - 1)] = ((1 - share) * first + share * second).reshape(helices, -1, 3)
     edges = np.diff(points, axis=1)
     frames = _frames_of(edges, np.cross([0.0, 1.0, 0.0], edges))
     before, share = node[:-1] // per_ring, node[:-1] % per_ring / per_ring
