@@ -1,10 +1,9 @@
-"""Verification of the full arm: time step, velocity noise, volume, and a recorded run of the published code.
+"""Verification of the full arm: time step, rings, hands, velocity noise, volume, buckling, and a recorded run of the published code.
 
-Run with ``python benchmarks/assembly_verification.py steps`` (about eight minutes), ``halves`` (70 against 35 us; four minutes, with
-``coarse mixed`` one), ``noise`` (one minute), ``rest`` (one minute), ``mirror`` (left against right; two minutes), ``rings`` (360 against
-180; ten minutes, with ``coarse`` two), ``buckling`` (three minutes), ``volume`` (every group and pair at 0.3 and 1.0; fifteen minutes, with
-``coarse`` five; see there for its words), or ``published FOLDER`` with the folder of the recorded run (``fig2c.csv`` and
-``fig2c-states.npz``; three minutes).
+Run with ``python benchmarks/assembly_verification.py halves`` (70 against 35 us; five minutes, with ``coarse mixed`` one), ``rings`` (360
+against 180; ten minutes, with ``coarse`` two), ``mirror`` (left against right; two minutes), ``noise`` (one minute), ``rest`` (one minute),
+``buckling`` (three minutes), ``volume`` (every group and pair at 0.3 and 1.0; fifteen minutes, with ``coarse`` five; see there for its
+words), or ``published FOLDER`` with the folder of the recorded run (``fig2c.csv`` and ``fig2c-states.npz``; three minutes).
 """
 
 import sys
@@ -26,40 +25,11 @@ from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.running.clock import Clock
 from octoctrl.sim.running.plant import Plant
-from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.sources import sampled
 from octoctrl.sim.topology.measures import measure, twist, writhe
 
 FAMILIES = ("cord", "LM", "L-OM", "R-OM", "rings")
-
-
-def motion(level, dt, duration):
-    """Times (s), lifted link, lifted writhe, twist (turns) and cord length (mm) on the coil programme."""
-    plant, pieces = make_plant("assembly", dt=dt), []
-    while plant.time < duration - 1e-9:
-        pieces.append(plant.advance(programme(level), 0.1))
-    recording = Recording.joined(pieces)
-    trace = measure(recording.time, recording.points, recording.frames)
-    return trace.time, {"Lk": trace.lifted_link, "Wr": trace.lifted_writhe, "Tw": trace.twist, "length": recording.length * 1e3}
-
-
-def steps():
-    """Print what halving the time step changes, in percent of the largest change of each quantity from rest."""
-    print(
-        f"{'oblique':>7s} {'until s':>7s} {'steps us':>13s}", *(f"{name + ' %':>10s}" for name in ("Lk", "Wr", "Tw", "length")), "  (at s)"
-    )
-    for level, duration, halvings in ((0.17, 7.0, 1), (0.3, 0.6, 2)):
-        dt, (times, coarse) = 5e-5, motion(level, 5e-5, duration)
-        for _ in range(halvings):
-            _, fine = motion(level, dt / 2, duration)
-            cells, instants = [], []
-            for name, values in fine.items():
-                scale, change = np.abs(values - values[0]).max(), np.abs(coarse[name] - values)
-                cells.append(f"{100 * change.max() / scale:10.3f}" if scale > 1e-6 else f"{'-':>10s}")
-                instants.append(f"{times[change.argmax()]:.2f}")
-            print(f"{level:7.2f} {duration:7.1f} {dt * 1e6:6g},{dt / 2 * 1e6:6g}", *cells, "  " + " ".join(instants), flush=True)
-            dt, coarse = dt / 2, fine
 
 
 def families(rods):
@@ -108,7 +78,7 @@ def grid_scale(velocity, closed):
 
 def noise():
     """Print velocity noise in time (chatter) and in space, over the mean speed of the family."""
-    cases = (("default, 50 us", {}, 0.3), ("default, 25 us", {"dt": 2.5e-5}, 0.3), ("published, 10 us", {"paper_compatible": True}, 0.3))
+    cases = (("default, 70 us", {}, 0.3), ("default, 35 us", {"dt": 3.5e-5}, 0.3), ("published, 10 us", {"paper_compatible": True}, 0.3))
     print("noise over mean speed, R-OM at 0.3 after 0.3 s: in time / in space / in space of the mean of 60 steps")
     kept = {}
     for label, options, until in cases:
@@ -340,7 +310,7 @@ def published(folder):
 
 
 def main():
-    subjects = {"steps": steps, "noise": noise, "rest": rest, "buckling": buckling}
+    subjects = {"noise": noise, "rest": rest, "buckling": buckling}
     with_words = {"volume": volume, "halves": halves, "mirror": mirror, "rings": rings}
     if sys.argv[1:2] == ["published"] and len(sys.argv) == 3:
         published(Path(sys.argv[2]))
