@@ -21,7 +21,7 @@ from ..contracts import Goal, Primitive
 from ..model.reduced import ReducedModel
 from .present import Present
 from .problem import Problem, Reading
-from .search import COARSE, ENOUGH, FINE, Search, Stop
+from .search import COARSE, ENOUGH, Search, Stop
 
 Floats = NDArray[np.float64]
 
@@ -224,7 +224,7 @@ def _held(search: Search, start: Floats, iterations: int, offset: Floats | float
     for _ in range(rounds):
         if reading.worst <= ENOUGH or reading.worst > NEAR or search.over():
             break
-        tried = search.fitted(x, COARSE, AGAIN, _added(search.problem, x, reading))
+        tried = search.fitted(x, COARSE, AGAIN, search.added(x, reading))
         again = search.read(tried)
         if again.worst >= reading.worst:
             break
@@ -232,18 +232,12 @@ def _held(search: Search, start: Floats, iterations: int, offset: Floats | float
     return x, reading
 
 
-def _added(problem: Problem, x: Floats, fine: Reading) -> Floats:
-    """What fine steps add to the misses on coarse ones."""
-    grid = problem.grid(x, COARSE)
-    return problem.offset((grid, problem.read(x, grid)), (problem.grid(x, FINE), fine))
-
-
 def _pruned(search: Search, x: Floats, reading: Reading) -> Sequence:
     """What is left when all drives are dropped that the goals do not need."""
     needed: set[str] = set()
     problem, stop = search.problem, search.stop
     task, names = problem.task, problem.names
-    offset = _added(problem, x, reading)
+    offset = search.added(x, reading)
     size = max(1, sum(change < SLIGHT for change in _changes(task, names, x).values()))
     while len(task.drives) > 1 and len(needed) < REFUSALS and not stop():
         changes = {name: change for name, change in _changes(task, names, x).items() if name not in needed}
@@ -252,13 +246,12 @@ def _pruned(search: Search, x: Floats, reading: Reading) -> Sequence:
             break
         fewer = tuple(drive for drive in task.drives if drive.name not in dropped)
         smaller = Problem(replace(task, drives=fewer), problem.model, problem.present)
-        tried, held = _held(
-            Search(smaller, stop), smaller.vector(dict(zip(names, x, strict=True))), AGAIN, offset, 0 if len(dropped) > 1 else 1
-        )
+        closer = Search(smaller, stop)
+        tried, held = _held(closer, smaller.vector(dict(zip(names, x, strict=True))), AGAIN, offset, 0 if len(dropped) > 1 else 1)
         problem.work += smaller.work
         if held.worst <= KEPT:
             task, names, x, reading = smaller.task, smaller.names, tried, held
-            offset = _added(smaller, x, reading)
+            offset = closer.added(x, reading)
         elif size == 1:
             needed.add(dropped[0])
         else:

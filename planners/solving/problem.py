@@ -206,7 +206,8 @@ class Problem:
 
     def _copy(self) -> "Problem":
         other = copy(self)
-        other.last = other.sloped = None
+        # What the last unknowns did is near to what they do there, but not the same.
+        other.last, other.sloped = None if self.last is None else self.last._replace(x=np.full_like(self.last.x, np.nan)), None
         return other
 
     def vector(self, numbers: Mapping[str, float]) -> Floats:

@@ -117,6 +117,11 @@ class Search:
         self.iterations += ended.iterations
         return ended.x
 
+    def added(self, x: Floats, fine: Reading, step: float = COARSE) -> Floats:
+        """What `fine` steps add to the misses on steps of `step`."""
+        grid = self.problem.grid(x, step)
+        return self.problem.offset((grid, self.problem.read(x, grid)), (self.problem.grid(x, FINE), fine))
+
     def finished(self, x: Floats) -> tuple[Floats, Reading]:
         """Unknowns that also hold on fine steps, as far as a few short fits can bring them there.
 
@@ -126,9 +131,7 @@ class Search:
         for step, iterations in ((COARSE, 5), (COARSE, 5), (COARSE, 5), (MIDDLE, 6)):
             if best[1].worst < ENOUGH or best[1].worst > 8 or self.over():
                 break
-            grid = self.problem.grid(best[0], step)
-            offset = self.problem.offset((grid, self.problem.read(best[0], grid)), (self.problem.grid(best[0], FINE), best[1]))
-            x = self.fitted(best[0], step, iterations, offset)
+            x = self.fitted(best[0], step, iterations, self.added(*best, step))
             reading, before = self.read(x), best[1].worst
             if reading.worst < before:
                 best = x, reading
