@@ -19,7 +19,7 @@ from octoctrl.sim.topology.measures import twist, writhe
 
 NAMES = ("fig3a", "fig3b", "fig3c")
 RELEASED, FROM, BACK = 3.1, 0.080, 0.005
-"""When the bend is let go (s), the place (m) from which on its way is looked at, and how far (m) it goes back when it is at its end."""
+"""When the bend is let go (s), the place (m) that its way begins at, left for the last time, and how near (m) to the furthest it ends."""
 OVER, POINTS, REACH, POWER = 0.05, 401, 15e-3, 4
 """Window of speeds (s), even points along the arm, distance (m) on either side over which it turns, power of that curvature."""
 BEFORE = 0.03
@@ -73,10 +73,10 @@ def main(words):
             print(f"  {recording.time[k]:.2f} s: packet at {'; bent most at '.join(told)}", flush=True)
         packet, speed = found[0]
         time_there, along = (values[first : first + len(speed)] for values in (recording.time, packet))
-        begin = int(np.argmax((time_there > RELEASED) & (along > FROM)))
-        furthest = np.maximum.accumulate(along[begin:])
-        back = int(np.argmax(np.append(furthest - along[begin:], np.inf) > BACK))
-        gone = slice(begin, begin + 1 + int(along[begin:][:back].argmax()))
+        let_go = int(np.argmax(time_there > RELEASED))
+        end = let_go + int(np.argmax(along[let_go:] > along[let_go:].max() - BACK))
+        begin = int(np.flatnonzero(along[:end] <= FROM)[-1])
+        gone = slice(begin, end + 1)
         print(f"  packet outward: from {1e3 * along[gone][0]:.0f} to {1e3 * along[gone][-1]:.0f} mm,", end=" ")
         print(f"from {time_there[gone][0]:.2f} to {time_there[gone][-1]:.2f} s, peak {100 * speed[gone].max():.0f} cm/s,", end=" ")
         print(f"mean {100 * speed[gone].mean():.0f} cm/s")
