@@ -1,8 +1,8 @@
 """How an arm may take hold of an object: whether it is long enough, and from which eleven numbers a search begins.
 
-The arm curls towards the object from a little before its nearest point on, twists so that it passes beside it in a helix, and leans away
-with its base to make room for the curl. The first numbers are means of what was found for posts of 10 to 17 mm. All angles are those of the
-arm at rest, which leaves its base along +y.
+The arm curls towards the object from a little before its nearest point on, may twist so that it passes beside it in a helix, and leans away
+a little with its base to make room for the curl. The first numbers are means of what was found for posts of 10 to 23 mm. All angles are
+those of the arm at rest, which leaves its base along +y.
 """
 
 from dataclasses import replace
