@@ -25,7 +25,7 @@ from .search import COARSE, ENOUGH, Search, Stop
 
 Floats = NDArray[np.float64]
 
-GUESSES, STARTS = 150, 10
+GUESSES, STARTS = 100, 10
 """How many guesses are simulated, and how many are fitted at most."""
 
 WORK = 30000.0
