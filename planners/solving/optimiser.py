@@ -227,12 +227,12 @@ def optimise(
     # Where the search could not come nearer, to ask for more would leave the optimiser nothing to do.
     left = np.abs(reading.misses + problem.offset((grid, reading), (fine_grid, fine)))
     band = np.where(left > ENOUGH, left, BAND)
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         if x is not start:
             reading, fine_grid = problem.read(x, grid), problem.grid(x, FINE)
             fine = problem.read(x, fine_grid)
         before, offset = offset, problem.offset((grid, reading), (fine_grid, fine))
-        if stop() or (np.abs(offset - before).max(initial=0.0) < SETTLED and fine.worst < ENOUGH):
+        if stop() or (lower is not box.lower and np.abs(offset - before).max(initial=0.0) < SETTLED and fine.worst < ENOUGH):
             break
         low = np.concatenate([-band - offset, np.minimum(OPENING, openings)])
         high = np.concatenate([band - offset, np.full(rows - len(offset), inf)])
@@ -245,7 +245,7 @@ def optimise(
         if constraints.raised is not None:
             raise constraints.raised
         x = np.clip(np.asarray(found["x"]).ravel() * scale, box.lower, box.upper)
-        if lower is box.lower:
+        if turn == ROUNDS - 2:
             # From now on phases end where the plant knows its shape; what that moves the other unknowns make up for.
             x[:count] = problem.on_samples(x[:count])
             lower, upper = box.lower.copy(), box.upper.copy()
