@@ -164,7 +164,7 @@ def test_what_waves_on_their_way_have_missed_is_tried_with_drives_that_the_plann
     """The corkscrew's two waves, both on their way when its last phase is to be planned again: none of its drives can be changed."""
     plan = oc.plan("corkscrew")
     last = list(plan.phase_begins)[-1]
-    clock = plan.phase_begins[last] + 0.5
+    clock = round(plan.phase_begins[last] + 0.5, 1)
     plant = make_plant("rod", plan.arm, plan.scene)
     plant.advance(plan.schedule.activation(), clock)
     again = planned_again(plan, clock, [last], plant.observe(), 0.0, (), 20.0)

@@ -47,6 +47,8 @@ class Channels:
         By muscle group in the order of the layout, then in the order of the templates.
     groups : tuple of str
         Muscle groups that are used.
+    members : (channels, groups) float64
+        1 where a channel is one of a group.
     """
 
     def __init__(self, activation: Activation, gains: Mapping[str, float] | None = None) -> None:
@@ -60,6 +62,7 @@ class Channels:
         self.each = tuple(found.values())
         self._columns = [activation.layout.index(channel.group) for channel in self.each]
         self._gains = np.array([gains.get(channel.group, 1.0) for channel in self.each])
+        self.members = np.array([[float(channel.group == group) for group in self.groups] for channel in self.each])
 
     def __len__(self) -> int:
         return len(self.each)

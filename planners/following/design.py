@@ -104,13 +104,13 @@ class Period:
 
 
 class Prediction(NamedTuple):
-    """The end of a period from a begin that need not be planned: strains (n,), derivatives by those at its begin (n, n) and by the errors
-    theta, standard deviations (n,) of what is put down to chance.
+    """The end of a period from a begin that need not be planned: strains (n,), derivatives by those at its begin (n, n) and by errors of
+    gains and drag (n, m + 1), standard deviations (n,) of what is put down to chance.
     """
 
     strains: Floats
     transition: Floats
-    disturbance: Floats
+    effect: Floats
     noise: Floats
 
 
@@ -135,8 +135,6 @@ class Course:
         Where feedback may change which muscle groups.
     held : Held
         What it holds.
-    scale : (n,) float64
-        Strains that a fibre at the longitudinal muscles' distance feels as one.
     periods : tuple of Period
         Those of the running clock.
     final : Period
@@ -149,7 +147,7 @@ class Course:
         self.channels = Channels(self._activation, model.gains)
         self.held = Held(plan.task, (*plan.phase_begins.values(), plan.schedule.duration), model)
         self._columns = [MUSCLE_GROUPS.index(group) for group in self.channels.groups]
-        self.scale = strain_scale(model)
+        self._scale = strain_scale(model)
         self.since, left = plan.since, plan.schedule.duration - plan.since
         count = int(np.ceil(left / period - 1e-6))
         # The plan ends within the last period, which is so much shorter.
@@ -215,12 +213,14 @@ class Course:
         self, motion: ReducedMotion, levels: Floats, steps: Floats, shares: Floats, begins: Floats
     ) -> tuple[list[Linear], Floats, Floats]:
         """Linear models of the steps of a motion, planned levels (N, m), and what is held (N, R) at the steps' begins."""
-        transition, influence, disturbance = self._slopes(motion, levels, steps)
+        transition, influence, drag = self._model.linearise(motion, levels, steps)
+        gains = np.einsum("tngs,tgs->tng", influence[:, :, self._columns], levels[:, self._columns])
         influence, planned = self.channels.influence(influence, shares), self.channels.planned(levels, shares)
-        values, slopes, weights, aims = self.held.along(begins, motion.strains[:-1], SHAPE_NOISE * self.scale)
-        price = np.swapaxes(slopes, 1, 2) @ (weights[:, :, None] * slopes) + np.diag(1 / (SHAPE_ERROR * self.scale) ** 2)
+        disturbance = np.concatenate([gains, drag[:, :, None], (np.eye(len(self._scale)) - transition) * self._scale], axis=2)
+        values, slopes, weights, aims = self.held.along(begins, motion.strains[:-1], SHAPE_NOISE * self._scale)
+        price = np.swapaxes(slopes, 1, 2) @ (weights[:, :, None] * slopes) + np.diag(1 / (SHAPE_ERROR * self._scale) ** 2)
         effort = 1 / (CORRECTION * (REST_SHARE * self._highest + planned)) ** 2
-        still = np.zeros(len(self.scale))
+        still = np.zeros(len(self._scale))
         linear = [
             Linear(transition[k], influence[k], disturbance[k], still, slopes[k], weights[k], aims[k], price[k], np.diag(effort[k]))
             for k in range(len(levels))
@@ -231,22 +231,15 @@ class Course:
         """What the model says of a period with a `correction` (m,) that begins with the strains `start` (n,), wherever the plan is."""
         levels, steps = self.channels.corrected(period.activation, period.shares, correction)[None], np.array([period.step])
         motion = self._model.simulate(levels, steps, start=start.reshape(self._model.sections, 4))
-        (transition,), _, (disturbance,) = self._slopes(motion, levels, steps)
-        # What drag would do is taken from the planned motion: that of an estimate is full of what its noise is taken to have moved.
-        drag = len(self.channels.groups)
-        disturbance[:, drag] = period.linear.disturbance[:, drag]
+        (transition,), (influence,), _ = self._model.linearise(motion, levels, steps)
+        gains = np.einsum("ngs,gs->ng", influence[:, self._columns], levels[0, self._columns])
+        # What drag does is told by the planned motion: that of an estimate is full of its noise.
+        drag = period.linear.disturbance[:, len(self._columns), None]
         end = motion.strains[1].ravel()
-        return Prediction(end, transition, disturbance, self._noise(end - start))
-
-    def _slopes(self, motion: ReducedMotion, levels: Floats, steps: Floats) -> tuple[Floats, Floats, Floats]:
-        """Derivatives of the ends of steps by their begins, by the levels of all groups and sections, and by the errors theta."""
-        transition, influence, drag = self._model.linearise(motion, levels, steps)
-        gains = np.einsum("tngs,tgs->tng", influence[:, :, self._columns], levels[:, self._columns])
-        creep = (np.eye(len(self.scale)) - transition) * self.scale
-        return transition, influence, np.concatenate([gains, drag[:, :, None], creep], axis=2)
+        return Prediction(end, transition, np.concatenate([gains, drag], axis=1), self._noise(end - start))
 
     def _noise(self, change: Floats) -> Floats:
-        return np.hypot(SHAPE_NOISE * self.scale, MOTION_NOISE * change.ravel())
+        return np.hypot(SHAPE_NOISE * self._scale, MOTION_NOISE * change.ravel())
 
 
 def _regulator(linear: Linear, cost: Floats) -> tuple[Floats, Floats, Floats]:

@@ -1,11 +1,14 @@
 """The regulator at work: what the arm does now, as far as can be told, what is wrong with the model, and what to correct.
 
-An estimate of the shape is carried from the last measurement through all periods since, with their corrections, by the model itself and
-not by its linear form along the plan, from which the arm may be far: a known delay of the measurement costs no more than what cannot be
-foreseen. An extended Kalman filter weighs the prediction against the measurement by the noise that the observer finds in it, and another
-estimates theta, a slow random walk, from what it gets wrong. The regulator prices in advance (affine Riccati recursion) its estimate of
-theta, the drift of a standing clock, and the part of the measured error of what is held that the linear model does not explain, which makes
-it free of offset.
+An estimate of the shape is carried from the last measurement through all periods since, with their corrections: a known delay of the
+measurement costs no more than what cannot be foreseen. A Kalman filter weighs the prediction against the measurement by the noise that
+the observer finds in it, and another estimates theta, a slow random walk, from what it gets wrong. The regulator prices in advance (affine
+Riccati recursion) its estimate of theta, the drift of a standing clock, and the part of the measured error of what is held that the linear
+model does not explain, which makes it free of offset.
+
+All of that is linear along the plan, estimate and regulator alike: what the linear form gets wrong counts as an error that the regulator
+knows, or it would not be free of offset. Whether a muscle is dead is asked of the model itself, at the estimated shape: a plan that a dead
+muscle has spoiled may be far.
 """
 
 from collections.abc import Mapping, Sequence
@@ -62,8 +65,8 @@ class Tracker:
         self.covariance[: self._gains, : self._gains] = GAIN_DOUBT**2 * kin
         self.drift = DRIFT**2 * self.covariance
         self.bias = np.zeros(len(course.final.held))
-        self._estimate, self._doubt = course.final.strains, np.diag(course.final.noise**2)
-        self._measured = False
+        self._estimate, self._doubt = np.zeros_like(course.final.strains), np.diag(course.final.noise**2)
+        self._shape, self._measured = course.final.strains, False
         self.watch = GroupWatch(course.channels.groups)
         self._past: list[_Passed] = []
         """Periods that began since the last measurement, with their corrections."""
@@ -93,12 +96,13 @@ class Tracker:
         known = len(self._past) - age
         if known > 0 or not self._measured:
             known = max(known, 0)
-            if not self._measured:
-                self._estimate = period.strains
             self._measure(known, self._past[known].period if known < len(self._past) else period, sight)
             self._past = self._past[known:]
-        now, _, effect = self._predicted(self._past)
-        correction = self.decided(index, period, now + effect @ self.errors - period.strains)
+        x = self._estimate
+        for _, _, passed, correction in self._past:
+            linear = passed.linear
+            x = linear.transition @ x + linear.influence @ correction + linear.drift + self._effect(passed, correction) @ self.errors
+        correction = self.decided(index, period, x)
         # A level cannot leave [0, 1]; what the plant will really get is what the next prediction must assume.
         correction = np.clip(period.levels + correction, 0.0, 1.0) - period.levels
         self._past.append(_Passed(index, clock, period, correction))
@@ -124,6 +128,7 @@ class Tracker:
             "bias": self.bias.copy(),
             "estimate": self._estimate.copy(),
             "doubt": self._doubt.copy(),
+            "shape": self._shape.copy(),
             "measured": self._measured,
             "past": [(passed.begun, passed.clock, passed.correction) for passed in self._past],
             "watch": self.watch.state(),
@@ -131,8 +136,8 @@ class Tracker:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go to a `state` of a tracker of the same course."""
-        self.errors, self.covariance, self.bias, self._estimate, self._doubt = (
-            state[name].copy() for name in ("errors", "covariance", "bias", "estimate", "doubt")
+        self.errors, self.covariance, self.bias, self._estimate, self._doubt, self._shape = (
+            state[name].copy() for name in ("errors", "covariance", "bias", "estimate", "doubt", "shape")
         )
         self._measured = state["measured"]
         self.watch.restore(state["watch"])
@@ -143,35 +148,41 @@ class Tracker:
 
     def _measure(self, known: int, then: Period, sight: Sight) -> None:
         """Take up what was measured after the first `known` periods of the past, at the begin of the period `then`."""
-        seen = sight.strains.ravel()
-        found, doubt, effect = self._predicted(self._past[:known])
+        x = sight.strains.ravel() - then.strains
+        # What the errors do to the prediction is linear in them: effect @ errors.
+        found, doubt, effect = self._estimate, self._doubt, np.zeros((len(x), len(self.errors)))
+        for _, _, passed, correction in self._past[:known]:
+            linear = passed.linear
+            found = linear.transition @ found + linear.influence @ correction + linear.drift
+            doubt = linear.transition @ doubt @ linear.transition.T + np.diag(passed.noise**2)
+            effect = linear.transition @ effect + self._effect(passed, correction)
         total = doubt + sight.noise
         if self.adapt:
             if self._measured:
-                self._learn(effect, seen - found, np.sqrt(np.diag(total)))
-            expected = then.held + then.linear.slopes @ (seen - then.strains)
+                self._watch(self._past[:known], sight)
+                self._learn(effect, x - found, np.sqrt(np.diag(total)))
+            expected = then.held + then.linear.slopes @ x
             unexplained = self.course.held.seen(sight.outputs, sight.strains, expected) - expected
             self.bias += np.where(then.linear.weights > 0, BIAS_SHARE, 0.0) * (unexplained - self.bias)
         found = found + effect @ self.errors
         share = np.linalg.solve(total, doubt).T
-        self._estimate, self._doubt, self._measured = found + share @ (seen - found), doubt - share @ doubt, True
+        self._estimate, self._doubt, self._measured = found + share @ (x - found), doubt - share @ doubt, True
+        self._shape = then.strains + self._estimate
 
-    def _predicted(self, past: Sequence[_Passed]) -> tuple[Floats, Floats, Floats]:
-        """Strains (n,) after periods from the estimate on, if nothing is wrong, their covariance, and their derivatives by the errors."""
-        found, doubt, effect = self._estimate, self._doubt, np.zeros((len(self._estimate), len(self.errors)))
+    def _watch(self, past: Sequence[_Passed], sight: Sight) -> None:
+        """Tell the watch what the model itself, from the shape that was estimated last, has made of periods, and what was measured."""
+        found, doubt, effect = self._shape, self._doubt, np.zeros((len(self._shape), self._gains + 1))
         for _, _, passed, correction in past:
             ahead = self.course.predicted(passed, correction, found)
-            if not np.isfinite(ahead.strains).all():
-                # Where the model has no answer the arm is taken to stay, which nobody is to learn from.
-                return found, np.diag(self.course.scale**2), np.zeros_like(effect)
-            found, effect = ahead.strains, ahead.transition @ effect + ahead.disturbance
+            found, effect = ahead.strains, ahead.transition @ effect + ahead.effect
             doubt = ahead.transition @ doubt @ ahead.transition.T + np.diag(ahead.noise**2)
-        return found, doubt, effect
+        if np.isfinite(found).all():  # else the model has no answer to learn from
+            noise = np.sqrt(np.diag(doubt + sight.noise))
+            self.watch.add(effect / noise[:, None], (sight.strains.ravel() - found) / noise)
 
     def _learn(self, effect: Floats, surprise: Floats, noise: Floats) -> None:
         """Kalman filter on the errors, from the prediction of the periods that have just passed."""
         scaled, innovation = effect / noise[:, None], surprise / noise
-        self.watch.add(scaled[:, : self._gains + 1], innovation)
         self.covariance = self.covariance + self.drift
         self.covariance = np.linalg.inv(np.linalg.inv(self.covariance) + scaled.T @ scaled)
         self.errors += self.covariance @ scaled.T @ (innovation - scaled @ self.errors)
@@ -180,6 +191,12 @@ class Tracker:
 
     def _pull(self, period: Period) -> Floats:
         return period.linear.slopes.T @ (period.linear.weights * (self.bias + period.linear.aims))
+
+    def _effect(self, period: Period, correction: Floats) -> Floats:
+        """Derivative of the shape at a period's end by the errors: a wrong gain acts on the whole level, correction included."""
+        effect = period.linear.disturbance.copy()
+        effect[:, : self._gains] += (period.linear.influence * correction) @ self.course.channels.members
+        return effect
 
     def _ahead_standing(self, period: Period) -> Floats:
         """Gradient of the cost to come, at the begin of any period of a standing clock, by errors, drift and bias."""
