@@ -7,7 +7,8 @@ import pytest
 from conftest import coil_execution
 from matplotlib.figure import Figure
 
-from octoctrl.pictures.plots import OVER_TIME, PANELS, plot
+from octoctrl.judging.comparison import compare
+from octoctrl.pictures.plots import LEAST_RANGE, OVER_TIME, PANELS, draw_over_time, plot
 from octoctrl.sim.errors import OctoctrlError
 
 
@@ -94,3 +95,14 @@ def test_a_picture_that_fails_leaves_no_file(coil_run, tmp_path, monkeypatch):
     with pytest.raises(OctoctrlError, match="cannot be written: No space left on device"):
         plot(coil_run, tmp_path / "traces.png", panels="twist")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("factor", "least", "most"), [(1e-12, LEAST_RANGE, 1.5 * LEAST_RANGE), (1.0, 1.0, 2.5)])
+def test_rounding_does_not_look_like_motion(coil_run, factor, least, most):
+    """What a planar bend has of twist is drawn as nothing; what the coil has fills its panel."""
+    made = compare(coil_run)
+    small = {side: replace(getattr(made, side), twist=factor * getattr(made, side).twist) for side in ("planned", "simulated")}
+    (axes,) = Figure().subplots(1, 1, squeeze=False)[0]
+    draw_over_time([axes], coil_run, replace(made, **small), names=("twist",))
+    low, high = axes.get_ylim()
+    assert low < 0 < high and least <= high - low < most

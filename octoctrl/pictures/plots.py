@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 COLOURS = {"link": "#009E73", "writhe": "#0072B2", "twist": "#D55E00"}
 """From the palette of Okabe and Ito, which colour-blind readers can tell apart."""
 PLANNED, FAINT, TEXT = "#000000", "0.80", "0.25"
+LEAST_RANGE = 0.02
+"""Of turns that a trace is drawn over at least."""
 _GROUP_COLOURS = {"R-OM": "#D55E00", "L-OM": "#E69F00", "TM": "#009E73"}
 _FORMATS = (".png", ".pdf", ".svg")
 PANELS = {"arm": 2.7, "link": 1.0, "writhe": 1.0, "twist": 1.0, "activation": 0.68}
@@ -157,6 +159,9 @@ def _draw_trace(axes: "Axes", comparison: Comparison, name: str) -> None:
     axes.axhline(0.0, color=FAINT, lw=0.6, zorder=0)
     axes.set_ylabel(f"{smooth.replace('_', ' ')}\n[turns]", fontsize=9)
     axes.margins(y=0.09)
+    low, high = axes.get_ylim()
+    if high - low < LEAST_RANGE:  # rounding is not to look like motion
+        axes.set_ylim((low + high - LEAST_RANGE) / 2, (low + high + LEAST_RANGE) / 2)
     error = f"rms error\n{rms(measured - expected):.3f} turns"
     axes.text(1.008, 0.5, error, transform=axes.transAxes, va="center", fontsize=7.5, color=TEXT)
 
