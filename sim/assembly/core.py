@@ -115,7 +115,7 @@ class AssemblyCore:
         where the other core is busy it takes longer. See docs/assembly.md.
     taut : bool
         Lay the oblique fibres straight from ring to ring. The study's lie on the arm's surface there, which nothing holds them to, so that
-        they are 0.4 per cent too long and twist the arm by 2 % more; with taut ones, 180 and 360 rings agree.
+        they are 0.4 per cent too long and twist the arm by 2 % more; with taut ones the coil of 180 rings is nearer to that of 360.
 
     Attributes
     ----------
