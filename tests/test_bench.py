@@ -233,10 +233,24 @@ def test_parts_on_random_goals_go_together_and_take_their_size(monkeypatch):
         asked.append(settings)
         return small()
 
-    for name in benchmarking.DRAWN:
+    for name in (*benchmarking.DRAWN, *benchmarking.MOVED):
         monkeypatch.setitem(PARTS, name, (__name__, "_part"))
     monkeypatch.setitem(globals(), "_part", part)
-    assert len(benchmarking.run(["tasks"], count=3, seed=5)) == len(benchmarking.DRAWN)
-    assert asked == [{"full": False, "count": 3, "seed": 5}] * len(benchmarking.DRAWN)
+    benchmarking.run(["tasks"], count=3, seed=5, plants=["rod"])
+    drawn, moved = len(benchmarking.DRAWN), len(benchmarking.MOVED)
+    assert asked == [{"full": False, "count": 3, "seed": 5}] * drawn + [{"full": False, "plants": ("rod",)}] * moved
     with pytest.raises(OctoctrlError, match="count"):
         benchmarking.run(["plans"], count=0)
+
+
+def test_tracking_tells_how_far_the_plant_is_from_the_plan():
+    from octoctrl.bench.tracking import tracking
+    from octoctrl.carrying.execution import execute
+    from octoctrl.carrying.planning import plan
+
+    table = tracking(plants=["rod"], names=["twist"])
+    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    assert [row["feedback"] for row in rows] == ["open-loop", "tvlqr", "mpc"] and {row["plan"] for row in rows} == {"solved"}
+    run = execute(plan("twist"), feedback="open-loop")
+    error = np.sqrt(np.mean((run.trace.twist - run.planned.twist) ** 2))
+    assert rows[0]["twist rms"] == pytest.approx(error) and 0 < error < 0.05 and rows[0]["within"] == "yes"

@@ -34,30 +34,42 @@ PARTS = {
     "plans": ("octoctrl.bench.planning", "plans"),
     "choice": ("octoctrl.bench.planning", "choice"),
     "following": ("octoctrl.bench.planning", "following"),
+    "tracking": ("octoctrl.bench.tracking", "tracking"),
 }
 """Module and function of each part."""
 
 DRAWN = ("plans", "choice", "following")
-"""Parts on random goals and plants, whose number and seed can be told; together they are called `TOGETHER`."""
+"""Parts on random goals and plants, whose number and seed can be told."""
+MOVED = ("tracking",)
+"""Parts whose plants can be told."""
 TOGETHER = "tasks"
+"""What the parts on tasks are called together, `DRAWN` and `MOVED`."""
 
 QUICK = ("rod", "reduced", "closed-forms", "scaling", "skips", "steps", "startup")
 """What runs when no part is named: all but the full arm, whose compilation takes a minute."""
 
 
 def run(
-    parts: Iterable[str] = (), *, full: bool = False, count: int | None = None, seed: int | None = None, progress: Progress | None = None
+    parts: Iterable[str] = (),
+    *,
+    full: bool = False,
+    count: int | None = None,
+    seed: int | None = None,
+    plants: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> list[Table]:
     """Run parts of the benchmark.
 
     Parameters
     ----------
     parts : iterable of str
-        Of `PARTS`, or `TOGETHER` for those of `DRAWN`; `QUICK` if empty, all of them with `full`.
+        Of `PARTS`, or `TOGETHER` for those on tasks; `QUICK` if empty, all of them with `full`.
     full : bool
         More cases.
     count, seed : int, optional
         How many random goals and plants, and which; of the parts `DRAWN`.
+    plants : sequence of str
+        Names of plants; of the parts `MOVED`.
     progress : Progress, optional
 
     Returns
@@ -74,14 +86,15 @@ def run(
         check_choice("part", name, (*PARTS, TOGETHER))
     if count is not None:
         check_number("count", count, at_least=1)
-    chosen = tuple(part for name in asked for part in (DRAWN if name == TOGETHER else (name,)))
-    given = {name: value for name, value in (("count", count), ("seed", seed)) if value is not None}
+    chosen = tuple(part for name in asked for part in ((*DRAWN, *MOVED) if name == TOGETHER else (name,)))
+    size = {name: value for name, value in (("count", count), ("seed", seed)) if value is not None}
+    given = dict.fromkeys(DRAWN, size) | dict.fromkeys(MOVED, {"plants": tuple(plants)} if plants else {})
     found = []
     for done, name in enumerate(chosen):
         if progress is not None:
             progress.start(f"benchmark {name} ({done + 1} of {len(chosen)})")
         module, function = PARTS[name]
-        found.append(getattr(import_module(module), function)(full=full, **(given if name in DRAWN else {})))
+        found.append(getattr(import_module(module), function)(full=full, **given.get(name, {})))
     if progress is not None:
         progress.stop()
     return found

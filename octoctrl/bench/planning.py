@@ -38,7 +38,6 @@ SEARCHES = 4
 """Searches from other random programmes that a refusal has to withstand."""
 
 FOLLOWED = ("twist", "coil", "coil-outward", "tip", "lm-helix", "packet", "corkscrew", "copy", "reach")
-ON_FULL_ARM = ("twist", "coil", "coil-outward")
 CONTROLLERS = ("open-loop", "tvlqr", "mpc")
 AGAIN = "tvlqr, planning again"
 """Feedback that also plans again from the present state."""
@@ -266,7 +265,7 @@ def following(*, full: bool = False, count: int | None = None, seed: int = 7) ->
     Parameters
     ----------
     full : bool
-        32 plants that are not as planned, and the full arm as well.
+        32 plants that are not as planned.
     count : int, optional
         How many such plants instead.
     seed : int
@@ -282,10 +281,6 @@ def following(*, full: bool = False, count: int | None = None, seed: int = 7) ->
     for name, found in made.items():
         for label, sensors in seeing.items():
             rows += [_followed(f"{name}, rod", label, found, feedback, sensors=sensors) for feedback in CONTROLLERS]
-    for plant in ("assembly",) if full else ():
-        for name in ON_FULL_ARM:
-            found = plan(name, plant=plant, time_limit=TIME_LIMIT)
-            rows += [_followed(f"{name}, {plant}", "as planned", found, feedback) for feedback in CONTROLLERS]
     coil = made["coil"]
     for group in DEAD:
         rows += [

@@ -24,6 +24,9 @@ def bench(
     full: Annotated[bool, typer.Option("--full", help="More cases; without PARTs, all of them (many minutes).")] = False,
     count: Annotated[int | None, typer.Option("--count", metavar="N", help="Random goals and plants, of tasks.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Which of them.")] = None,
+    plants: Annotated[
+        list[str] | None, typer.Option("--plant", metavar="NAME", help="Where tasks are carried out, of tracking; once or more.")
+    ] = None,
     output: Annotated[Path | None, typer.Option("--json", metavar="FILE.json", help="Write the numbers.")] = None,
     picture: Annotated[Path | None, typer.Option("--plot", metavar="PICTURE", help="Draw time against error: .png, .pdf or .svg.")] = None,
     page: Annotated[Path | None, typer.Option("--page", metavar="FILE.md", help="Write the tables as a page.")] = None,
@@ -39,11 +42,12 @@ def bench(
             check_target(path, overwrite=force, suffixes=suffixes)
     progress = display(quiet)
     try:
-        tables = benchmarking.run(parts or (), full=full, count=count, seed=seed, progress=progress)
+        tables = benchmarking.run(parts or (), full=full, count=count, seed=seed, plants=plants or (), progress=progress)
     finally:
         progress.stop()
     print(*tables, sep="\n\n")
     sizes = [word for name, value in (("--count", count), ("--seed", seed)) if value is not None for word in (name, str(value))]
+    sizes += [word for name in plants or () for word in ("--plant", name)]
     command = " ".join(["octoctrl bench", *(parts or ()), *(["--full"] if full else []), *sizes, *(["--page", str(page)] if page else [])])
     benchmarking.write(tables, command, output=output, picture=picture, page=page)
     return ExitCode.WELL
