@@ -96,9 +96,9 @@ class Plateau:
         if _is_number(self.fall):
             check_number("fall", self.fall, above=0.0, unit="s")
 
-    def values(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
-        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
-        return self.level * self.weight(math, time, lower, upper)
+    def values(self, math: Any, time: Any, lower: Any, upper: Any, weight: Any = None) -> Any:
+        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast); `weight`, where it is known already."""
+        return self.level * (self.weight(math, time, lower, upper) if weight is None else weight)
 
     def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """How much of what lies beneath it takes over when activations are handed over, from 0 to 1."""
@@ -169,8 +169,8 @@ class Wave:
         if _is_number(self.profile):
             check_number("profile", self.profile, at_least=-2.0, at_most=4.0)
 
-    def values(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
-        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
+    def values(self, math: Any, time: Any, lower: Any, upper: Any, weight: Any = None) -> Any:
+        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast); the `weight` tells a wave nothing."""
         start = self.window[0]
         first = front_coverage(math, start + self.speed * (time - self.onset), self.width, lower, upper)
         value = self.level * first
@@ -262,9 +262,9 @@ class Pulse:
             if _is_number(getattr(self, name)):
                 check_number(name, getattr(self, name), above=0.0, unit=unit)
 
-    def values(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
-        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast)."""
-        return self.level * self.weight(math, time, lower, upper)
+    def values(self, math: Any, time: Any, lower: Any, upper: Any, weight: Any = None) -> Any:
+        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast); `weight`, where it is known already."""
+        return self.level * (self.weight(math, time, lower, upper) if weight is None else weight)
 
     def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """How much of what lies beneath it takes over when activations are handed over, from 0 to 1."""
@@ -340,21 +340,21 @@ class Activation:
         used = {group for template in self.templates for group in template.groups}
         return tuple(group for group in self.layout.names if group in used)
 
-    def compose(
-        self, math: Any, group: str, time: Any, lower: Any, upper: Any, known: dict[int, tuple[Any, Any, Any]] | None = None
-    ) -> Any:
+    def compose(self, math: Any, group: str, time: Any, lower: Any, upper: Any, known: dict[Any, Any] | None = None) -> Any:
         """Mean activation of `group` in the cells [lower, upper] at `time`, with the module `math`; not checked for saturation.
 
-        A dict `known` keeps what the groups of a template share.
+        A dict `known` keeps what the groups of a template share, and what groups have in common whose templates are the same.
         """
-        total = 0.0 * (time + lower)
         known = {} if known is None else known
-        for index, template in enumerate(self.templates):
-            if group not in template.groups:
-                continue
+        here = tuple(index for index, template in enumerate(self.templates) if group in template.groups)
+        if here in known:
+            return known[here]
+        total = 0.0 * (time + lower)
+        for index in here:
+            template = self.templates[index]
             if index not in known:
-                weight = template.weight(math, time, lower, upper) if self.composition == "handover" else 0.0
-                known[index] = template.values(math, time, lower, upper), template.coverage(lower, upper), weight
+                weight = template.weight(math, time, lower, upper) if self.composition == "handover" else None
+                known[index] = template.values(math, time, lower, upper, weight), template.coverage(lower, upper), weight
             value, coverage, weight = known[index]
             if self.composition == "add":
                 total = total + coverage * value
@@ -365,6 +365,7 @@ class Activation:
             else:
                 where = np.where if math is np else math.if_else
                 total = where(template.wrote(math, value), coverage * value + (1 - coverage) * total, total)
+        known[here] = total
         return total
 
     def levels(self, times: ArrayLike, edges: ArrayLike) -> Floats:

@@ -1,5 +1,6 @@
 """Goals: one definition, read on the reduced model and on a recording of the same motion; targets, bands, times."""
 
+import pickle
 from dataclasses import replace
 from math import inf
 
@@ -15,7 +16,7 @@ from octoctrl.planners.asking.registry import goal, goal_kinds
 from octoctrl.planners.asking.task import miss_in_phase
 from octoctrl.planners.contracts import Goal, When
 from octoctrl.planners.model.output_kernels import OUTPUTS
-from octoctrl.planners.model.readings import residual_function
+from octoctrl.planners.model.readings import Rows, residual_function
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.sim.topology.trace import TopologyConvention
 
@@ -271,3 +272,14 @@ def test_what_contradicts_what(first, second, excluded):
 def test_several_goals_share_one_function(model):
     both = residual_function([ASKED["tip"], ASKED["twist"]], model.arm, model.sections)
     assert both.size1_out(0) == 4 and isinstance(both, ca.Function)
+
+
+def test_rows_of_many_instants_are_those_of_each(model, outputs):
+    """Also of a copy that has been in a file, and with memory that earlier answers do not share."""
+    function = residual_function([ASKED["tip"], ASKED["twist"]], model.arm, model.sections)
+    rows = pickle.loads(pickle.dumps(Rows(function)))
+    found, again = rows(outputs[0], motion()), rows(outputs[0][::-1], motion()[::-1])
+    for index, (values, strains) in enumerate(zip(outputs[0], motion(), strict=True)):
+        for part, other, expected in zip(found, again, function(values, strains.T), strict=True):
+            np.testing.assert_array_equal(part[index], np.asarray(expected).reshape(part[index].shape))
+            np.testing.assert_array_equal(other[len(TIME) - 1 - index], part[index])

@@ -22,7 +22,7 @@ from ..asking.goals.measured import ScalarGoal
 from ..asking.task import Task
 from ..contracts import Expression, Floats, Goal, Outputs, When
 from ..model.output_kernels import LINK, OUTPUTS, TWIST, WRITHE
-from ..model.readings import residual_function, rows_function
+from ..model.readings import Rows, residual_function, rows_function
 from ..model.reduced import ReducedModel
 
 TOPOLOGY_ERROR, LOOSE = 0.01, 0.05
@@ -43,8 +43,8 @@ class _Row(NamedTuple):
     end: float
     full: float
     error: float
-    function: ca.Function
-    misses: ca.Function
+    values: Rows
+    misses: Rows
 
     def share(self, times: Floats) -> Floats:
         """Share of the full weight at `times`, s: it grows towards the time from which the goal has to hold, and is 0 in other phases."""
@@ -86,7 +86,7 @@ class Held:
                     full = begin if goal.when is When.THROUGHOUT else max(end - goal.hold, begin)
                     until = inf if phase is task.phases[-1] else end
                     misses = residual_function([goal], model.arm, model.sections)
-                    self._rows.append(_Row(begin, until, full, _error(goal), function, misses))
+                    self._rows.append(_Row(begin, until, full, _error(goal), Rows(function), Rows(misses)))
         self.topology_error = TOPOLOGY_ERROR if topological else LOOSE
 
     def along(self, times: Floats, strains: Floats, noise: Floats) -> Along:
@@ -96,23 +96,21 @@ class Held:
         by_strains = by_strains.reshape(count, len(OUTPUTS), -1)
         values, slopes = [outputs[:, [TWIST, WRITHE]]], [by_strains[:, [TWIST, WRITHE]]]
         weights, aims = [np.full((count, 2), self.topology_error**-2)], [np.zeros((count, 2))]
-        shapes = list(zip(outputs, np.swapaxes(strains, 1, 2), strict=True))
         for row in self._rows:
-            read = [[np.asarray(part) for part in row.function(*shape)] for shape in shapes]
-            values.append(np.array([found.ravel() for found, _, _ in read]))
-            slopes.append(np.array([first @ by + second for (_, first, second), by in zip(read, by_strains, strict=True)]))
+            read, first, second = row.values(outputs, strains)
+            values.append(read)
+            slopes.append(first @ by_strains + second)
             unknown = np.square(slopes[-1] * noise).sum(axis=2)
             share = row.share(times)[:, None]
             weights.append(share / (row.error**2 + unknown))
-            misses = np.array([np.asarray(row.misses(*shape)[0]).ravel() for shape in shapes])
-            aims.append((times > row.full - 1e-9)[:, None] * misses)
+            aims.append((times > row.full - 1e-9)[:, None] * row.misses(outputs, strains)[0])
         return Along(*(np.concatenate(parts, axis=1) for parts in (values, slopes, weights, aims)))
 
     def seen(self, outputs: Floats, strains: Floats, expected: Floats) -> Floats:
         """Values (R,) of measured outputs and strains (S, 4), with writhe and link on the branch next to the `expected` ones."""
         outputs = outputs.copy()
         outputs[[WRITHE, LINK]] -= 2 * np.round((outputs[WRITHE] - expected[1]) / 2)
-        return np.concatenate([outputs[[TWIST, WRITHE]], *(np.asarray(row.function(outputs, strains.T)[0]).ravel() for row in self._rows)])
+        return np.concatenate([outputs[[TWIST, WRITHE]], *(row.values(outputs[None], strains[None])[0][0] for row in self._rows)])
 
 
 def _numbers(goal: Goal, outputs: Outputs) -> list[Expression]:

@@ -132,3 +132,41 @@ def residual_function(goals: Sequence[Goal], arm: Arm, sections: int) -> ca.Func
     casadi.Function
     """
     return rows_function(lambda outputs: [residual for goal in goals for residual in goal.residuals(outputs)], arm, sections)
+
+
+class Rows:
+    """A function of `rows_function` for many instants, on memory that NumPy and CasADi share: to convert would take most of the time.
+
+    One object serves one thread, for it keeps the memory in which the function works.
+
+    Parameters
+    ----------
+    function : casadi.Function
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.function, self.count = function, int(function.size1_out(0))
+        given = np.zeros(len(OUTPUTS)), np.zeros(function.size_in(1)[::-1])
+        # CasADi goes down the columns.
+        made = np.zeros(self.count), np.zeros((len(OUTPUTS), self.count)), np.zeros((given[1].size, self.count))
+        self._given, self._made = given, made
+        buffer: Any
+        buffer, self._evaluate = function.buffer()
+        self._buffer = buffer
+        for index, array in enumerate(given):
+            buffer.set_arg(index, array.data)
+        for index, array in enumerate(made):
+            buffer.set_res(index, array.data)
+
+    def __reduce__(self) -> tuple[type["Rows"], tuple[ca.Function]]:
+        return Rows, (self.function,)
+
+    def __call__(self, outputs: Floats, strains: Floats) -> tuple[Floats, Floats, Floats]:
+        """Rows (T, R) of outputs (T, len(OUTPUTS)) and strains (T, S, 4), with derivatives (T, R, len(OUTPUTS)) and (T, R, 4 S)."""
+        count = len(outputs)
+        values, by_outputs, by_strains = (np.empty((count, *part.T.shape)) for part in self._made)
+        for t in range(count):
+            self._given[0][:], self._given[1][:] = outputs[t], strains[t]
+            self._evaluate()
+            values[t], by_outputs[t], by_strains[t] = self._made[0], self._made[1].T, self._made[2].T
+        return values, by_outputs, by_strains

@@ -74,7 +74,7 @@ def doubt(problem: Problem, x: Floats, reading: Reading, schedule: Schedule) -> 
         squares = squares + np.square(other.read(x, grid).misses - expected)
     spread, place = np.zeros(len(problem.aims)), 0
     for index, (aim, instants) in enumerate(zip(problem.aims, grid.instants, strict=True)):
-        size = aim.function.size1_out(0) * len(instants)
+        size = aim.rows.count * len(instants)
         spread[index] = np.sqrt(np.sum(np.reshape(squares[place : place + size], (len(instants), -1)), axis=1).max())
         place += size
     reasons = []

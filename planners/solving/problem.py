@@ -25,7 +25,7 @@ from ..asking.schedule import Schedule
 from ..asking.task import Task
 from ..contracts import Goal, Primitive, When
 from ..model.output_kernels import LINK, UTURN, WRITHE
-from ..model.readings import residual_function
+from ..model.readings import Rows, residual_function
 from ..model.reduced import ReducedModel
 from ..model.stepping import output_tables, outputs, simulate, slopes_of
 from .interrupts import heed
@@ -130,7 +130,7 @@ class Aim:
 
     phase: int
     goal: Goal
-    function: ca.Function
+    rows: Rows
     branch: bool
     """Whether it reads what is lost in a U-turn."""
 
@@ -168,11 +168,11 @@ class Problem:
         levels = np.array([name.endswith(".level") for name in self.names])
         self.start = np.array(start, dtype=float)
         self.box = Box(np.array(lower), np.array(upper), np.where(levels, LEVEL_SCALE, TIME_SCALE * np.maximum(np.abs(self.start), 1e-3)))
-        self.aims = [
-            Aim(index, goal, *_rows_of(cast(Hashable, goal), model.arm, model.sections))
-            for index, phase in enumerate(task.phases)
-            for goal in phase.goals
-        ]
+        self.aims = []
+        for index, phase in enumerate(task.phases):
+            for goal in phase.goals:
+                function, branch = _rows_of(cast(Hashable, goal), model.arm, model.sections)
+                self.aims.append(Aim(index, goal, Rows(function), branch))
         self.guarded = max((aim.phase + 1 for aim in self.aims if aim.branch), default=0)
         self.pole = np.array(task.convention.pole, dtype=float)
         self.last: Motion | None = None
@@ -270,14 +270,14 @@ class Problem:
         values[:, [WRITHE, LINK]] += self.present.branch(values[0, WRITHE]) - turned[:, None]
         misses, shares, by_unknown = [np.empty(0)], [], [np.empty((0, len(free)))]
         for aim, instants in zip(self.aims, grid.instants, strict=True):
-            found = [aim.function(values[t], strains[t].T) for t in instants]
-            residuals = [np.asarray(part[0]).ravel() / aim.goal.tolerance for part in found]
-            misses += residuals
-            shares.append(max(float(np.linalg.norm(part)) for part in residuals))
+            there = slice(instants.start, instants.stop)
+            residuals, by_outputs, by_strains = aim.rows(values[there], strains[there])
+            residuals /= aim.goal.tolerance
+            misses.append(residuals.ravel())
+            shares.append(float(np.linalg.norm(residuals, axis=1).max()))
             if slopes:
-                for t, (_, by_outputs, by_strains) in zip(instants, found, strict=True):
-                    total = np.asarray(by_outputs) @ gradients[t].reshape(values.shape[1], -1) + np.asarray(by_strains)
-                    by_unknown.append(total @ by_number[t] / aim.goal.tolerance)
+                total = by_outputs @ gradients[there].reshape(len(instants), values.shape[1], -1) + by_strains
+                by_unknown.append((total @ by_number[there]).reshape(residuals.size, -1) / aim.goal.tolerance)
         until = sum(grid.steps[: self.guarded]) + 1 if self.guarded else 0
         reading = Reading(np.concatenate(misses), values[:until, UTURN].copy(), np.array(shares), self.guard)
         if not slopes:
@@ -306,7 +306,7 @@ class Problem:
         """What fine steps add to the misses on coarse ones, where a goal has to hold at one instant; elsewhere 0, for they do not match."""
         added, place, other = np.zeros(len(coarse[1].misses)), 0, 0
         for aim, few, many in zip(self.aims, coarse[0].instants, fine[0].instants, strict=True):
-            size = aim.function.size1_out(0)
+            size = aim.rows.count
             if len(few) == len(many) == 1:
                 added[place : place + size] = fine[1].misses[other : other + size] - coarse[1].misses[place : place + size]
             place, other = place + size * len(few), other + size * len(many)
@@ -331,7 +331,7 @@ class Problem:
 
     def _lost(self, grid: Grid, unknowns: int) -> Reading:
         """The reading where the model has no solution."""
-        count = sum(len(instants) * aim.function.size1_out(0) for aim, instants in zip(self.aims, grid.instants, strict=True))
+        count = sum(len(instants) * aim.rows.count for aim, instants in zip(self.aims, grid.instants, strict=True))
         openings = np.full(sum(grid.steps[: self.guarded]) + 1 if self.guarded else 0, 2.0)
         reading = Reading(np.full(count, LOST), openings, np.full(len(self.aims), LOST), self.guard)
         return replace(reading, miss_slopes=np.zeros((count, unknowns)), opening_slopes=np.zeros((len(openings), unknowns)))
