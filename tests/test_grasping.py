@@ -21,6 +21,7 @@ from octoctrl.planners.following.gripping import Gripping
 from octoctrl.planners.solving.grasping import (
     check_objects,
     grasp_drives,
+    grasp_region,
     held_at_the_end,
     is_simulated,
     nearest,
@@ -185,6 +186,22 @@ def test_the_nearest_point_of_the_arm_at_rest():
     assert place == pytest.approx(0.1, abs=0.01) and azimuth == pytest.approx(np.pi / 2)
     drives = grasp_drives(task_for(item).task, ARM, oc.Scene(objects=(item,))).drives
     assert drives[0].primitive.start == pytest.approx(place - 0.022) and drives[0].primitive.azimuth == azimuth
+
+
+@pytest.mark.parametrize("place", [0.0, 0.05, 0.1])
+def test_a_survey_looks_to_all_sides_before_the_nearest_point(place):
+    item = Capsule(name="post", radius=0.01, length=0.02, position=(0.0, place, 0.04), axis=(1, 0, 0))
+    scene = oc.Scene(objects=(item,))
+    task = grasp_drives(task_for(item).task, ARM, scene)
+    region = grasp_region(task, ARM, scene)
+    free = {f"{drive.name}.{name}" for drive in task.drives for name in drive.free}
+    assert set(region) == free and all(low <= high for low, high in region.values())
+    low, high = region["swing.azimuth"]
+    assert high - low == pytest.approx(2 * np.pi)
+    assert region["swing.start"][1] < region["swing.stop"][0] and region["swing.stop"][1] <= max(place + 0.02, 0.06)
+    longer = replace(ARM, length=2 * ARM.length)
+    twice = grasp_region(task, longer, oc.Scene(objects=(replace(item, position=(0.0, 2 * place, 0.04)),)))
+    assert twice["swing.stop"] == pytest.approx(2 * np.array(region["swing.stop"]), abs=5e-3)
 
 
 def test_what_is_too_thick_for_the_arm_is_refused_before_anything_moves():
@@ -387,14 +404,31 @@ def test_a_plan_is_held_only_where_the_whole_verdict_passes(hold, monkeypatch):
     assert found.report.reason.startswith("post.depth is 0.000") and "the limit 0.000139" in found.report.reason
 
 
-def test_a_search_that_comes_near_nothing_ends_early_and_one_candidate_is_checked():
-    """A thin post beside the base, where the arm cannot bend so tightly."""
-    configuration = task_for(replace(POST, radius=4e-3, position=(-0.06, 0.0, 0.0)))
+def test_a_search_that_comes_near_nothing_ends_early_and_one_candidate_is_checked(monkeypatch):
+    """A thin post behind the base, which no bend reaches."""
+    monkeypatch.setattr(searching, "SURVEYED", 5)
+    configuration = task_for(replace(POST, radius=4e-3, position=(-0.09, -0.06, 0.0)))
     base = oc.plan(task_for(replace(POST, radius=0.025)))
     found = plan_by_search(configuration.task, replace(base.model, scene=configuration.scene), population=2, rounds=40)
     searched = [line for line in found.report.tried if line.startswith("phase")]
-    assert found.status is PlanStatus.MISSED and found.report.starts == 1 + 2 * 2 * searching.FIRST_ROUNDS, searched
+    assert found.status is PlanStatus.MISSED and found.report.starts == 1 + 5 + 2 * 2 * searching.FIRST_ROUNDS, searched
+    assert searched[0].startswith("phase 'grasp', survey with seed 3: 5 candidates, 5 runs of 25 s in all")
     assert sum(line.startswith("candidate") for line in found.report.tried) == 1
+
+
+def test_a_post_along_the_arm_is_held_by_an_arm_that_leans_across_it():
+    """At 8 degrees to the arm; numbers that a search found."""
+    arm = oc.tasks.load("grasp").arm
+    post = Capsule(name="post", radius=7.08e-3, length=0.08, position=(-0.0058, 0.1006, -0.0234), axis=(-0.126, 0.991, 0.049))
+    lean = Swing(azimuth=-0.520, level=0.166, start=0.037, stop=0.070)
+    curl = Curl(azimuth=-1.947, level=0.606, profile=0.836, start=0.073, stop=0.1967, speed=0.041, onset=0.741, apex=0.2 * 12 / 11)
+    twist = StoreTwist(turns=0.171, stop=0.108, curve=TwistCurve(levels=(0.0, 0.0202), turns=(0.0, 0.171 / 0.108)))
+    covered = {}
+    for name, primitives in {"leaning": (curl, twist, lean), "straight": (curl, twist)}.items():
+        plant = oc.make_plant("rod", arm, oc.Scene(objects=(post,)), record_every=20)
+        recording = plant.advance(schedule_of(primitives, 5.0).activation(), 5.0)
+        covered[name] = np.abs(hold_in(RecordedOutputs(recording, None, arm), "post").covered)[recording.time >= 4.0].min()
+    assert covered["leaning"] > 0.95 and covered["straight"] < 0.3
 
 
 def test_a_plan_that_one_scenario_loses_is_not_called_held(hold, monkeypatch):

@@ -19,8 +19,8 @@ from octoctrl.planners.asking.task import Drive, Task
 from octoctrl.planners.asking.wrapping import TwistCurve
 from octoctrl.planners.contracts import Primitive
 from octoctrl.planners.model.reduced import ReducedModel
-from octoctrl.planners.solving.cross_entropy import Candidate, Searched, search
-from octoctrl.planners.solving.grasping import check_objects, grasp_drives, objects_held, too_short
+from octoctrl.planners.solving.cross_entropy import Candidate, Searched, Unknowns, search, survey
+from octoctrl.planners.solving.grasping import check_objects, grasp_drives, grasp_region, objects_held, too_short
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.body.arm import Arm
@@ -41,8 +41,11 @@ ENOUGH = 0.15
 """Price of a goal that needs no bettering, unless it says one."""
 
 POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
-"""Trials of a round, rounds of a phase at most; how often it begins anew with other draws, and after how many rounds of each of these
-the best goes on alone. A search that has lost its way does not find it again; another one may."""
+"""Trials of a round, rounds of a phase at most; how often it begins anew, and after how many rounds of each of these the best goes on
+alone. A search that has lost its way does not find it again; another one may."""
+
+SURVEYED, FAR = 60, 1.0
+"""Trials of a survey, and how far apart the searches begin that follow it, in first spreads."""
 
 CANDIDATES, APART = 3, 0.6
 """Candidates that are checked on the plant, and how far apart they lie, in first spreads."""
@@ -166,10 +169,12 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     count, worst = 0, 0.0
     last: list[Candidate] = []
     for index, phase in enumerate(task.phases):
+        region: Mapping[str, tuple[float, float]] = {}
         if index == 0 and task.choose is not None:
+            region = grasp_region(task, work.arm, work.scene)
             task = grasp_drives(task, work.arm, work.scene).on(work.arm)
         stage = _stage(task, index, settled, work, scenarios, states, curve)
-        last, said, tries = _search_phase(stage, work, index)
+        last, said, tries = _search_phase(stage, work, index, region)
         tried += said
         count += tries
         best = last[0]
@@ -236,44 +241,74 @@ def _stage(
     )  # fmt: skip
 
 
-def _rounds(stage: Stage, after: Searched | None, work: Work, rounds: int, enough: float, seed: int) -> Searched:
-    """Some rounds of a stage, from its own numbers or after others."""
+def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]], seed: int) -> Searched:
+    """What is found by looking round a region, as planned alone."""
+    low, high = np.array([region[name] for name in stage.unknowns.names]).T
+    around = replace(stage.unknowns, low=np.maximum(low, stage.unknowns.low), high=np.minimum(high, stage.unknowns.high))
+    work.progress.start(f"looking round for phase '{stage.phase.name}'", float(SURVEYED))
+    try:
+        found = survey(stage, around, work.executor, count=SURVEYED, seed=work.seed + seed, stop=work.over, progress=work.progress)
+    finally:
+        work.progress.stop()
+    return _heeded(found, work)
+
+
+def _rounds(stage: Stage, unknowns: Unknowns, after: Searched | None, work: Work, rounds: int, enough: float, seed: int) -> Searched:
+    """Some rounds of a stage, from the mean of the unknowns or after others."""
     work.progress.start(f"searching phase '{stage.phase.name}'", float(work.population * (rounds + (len(after.rounds) if after else 0))))
     try:
         result = search(
-            stage, stage.unknowns, work.executor, seed=work.seed + seed, population=work.population, rounds=rounds, enough=enough,
+            stage, unknowns, work.executor, seed=work.seed + seed, population=work.population, rounds=rounds, enough=enough,
             after=after, stop=work.over, progress=work.progress,
         )  # fmt: skip
     finally:
         work.progress.stop()
-    if result.ended == "interrupted":
-        work.limit = 0.0  # nor are later phases searched
-    return result
+    return _heeded(result, work)
 
 
-def _search_phase(stage: Stage, work: Work, index: int) -> tuple[list[Candidate], list[str], int]:
-    """Search a phase from each start, then on from the best; the best candidates that lie apart, what was tried, and how many trials."""
-    name, own = stage.phase.name, stage.unknowns.mean
+def _heeded(found: Searched, work: Work) -> Searched:
+    """What was found; if it was interrupted, nothing more is searched."""
+    if found.ended == "interrupted":
+        work.limit = 0.0
+    return found
+
+
+def _search_phase(
+    stage: Stage, work: Work, index: int, region: Mapping[str, tuple[float, float]]
+) -> tuple[list[Candidate], list[str], int]:
+    """Search a phase from each start, then on from the best; the best candidates that lie apart, what was tried, and how many trials.
+
+    It starts from the task's own numbers; where these come near nothing, and there is a region to look round, from the best of a survey.
+    """
+    name, unknowns = stage.phase.name, stage.unknowns
+    own = unknowns.mean
     enough = sum(float(getattr(goal, "enough", ENOUGH)) for goal in stage.phase.goals)
-    if not stage.unknowns.names:
+    if not unknowns.names:
         return [Candidate(own, stage(own))], [], 1
     judged = work.executor.submit(stage, own).result()
     if judged.met or judged.price <= enough:
         return [Candidate(own, judged)], [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"], 1
+    said, count, starts = [], 1, [own] * STARTS
+    if region and judged.price > stage.hopeless:
+        seen = _surveyed(stage, work, region, 1000 * index + STARTS + 1)
+        said.append(f"phase '{name}', survey with {seen}")
+        count += len(seen.candidates)
+        starts = [item.x for item in seen.apart(STARTS, FAR)]
     found: list[Searched] = []
-    for number in range(STARTS):
-        found.append(_rounds(stage, None, work, min(FIRST_ROUNDS, work.rounds), enough, 1000 * index + number))
+    for number, start in enumerate(starts):
+        began = replace(unknowns, mean=start)
+        found.append(_rounds(stage, began, None, work, min(FIRST_ROUNDS, work.rounds), enough, 1000 * index + number))
         if work.over() or found[-1].ended == "good enough":
             break
     found = [result for result in found if result.candidates]
     if not found:  # no time: the first numbers
-        return [Candidate(own, judged)], [f"phase '{name}' was not searched"], 1
+        return [Candidate(own, judged)], [f"phase '{name}' was not searched"], count
     left = work.rounds - sum(len(result.rounds) for result in found)
     result = min(found, key=lambda result: (not result.best.judgement.met, result.best.price))
     near = result.best.price <= stage.hopeless  # else nothing came near, and more of the same will not
     if near and left > 0 and result.ended != "good enough" and not work.over():
-        _rounds(stage, result, work, left, enough, 1000 * index + STARTS)
+        _rounds(stage, unknowns, result, work, left, enough, 1000 * index + STARTS)
     candidates = [item for result in found for item in result.apart(CANDIDATES, APART)]
     ranked = sorted(candidates, key=lambda item: (not item.judgement.met, item.price))
-    said = [f"phase '{name}', {result}" for result in found]
-    return ranked[: CANDIDATES if near else 1], said, 1 + sum(len(result.candidates) for result in found)
+    said += [f"phase '{name}', {result}" for result in found]
+    return ranked[: CANDIDATES if near else 1], said, count + sum(len(result.candidates) for result in found)

@@ -181,7 +181,8 @@ class Stage:
     def __call__(self, x: Floats, worth: float = np.inf) -> Judgement:
         """Judge numbers `x` (n,) in all scenarios, as long as there is hope that they cost at most what is `worth` knowing.
 
-        None of the others is taken to be better than the best that was seen.
+        The first scenario is always tried; where nothing is worth knowing, it alone. None of the others is taken to be better than the
+        best that was seen.
         """
         prices: list[float] = []
         recordings: list[Recording] = []

@@ -3,7 +3,7 @@
 Each round draws a population about a mean, judges it over an executor, and goes on from the best few: the mean becomes theirs, the spread
 partly theirs and partly what it was (de Boer et al. 2005, Ann. Oper. Res. 134:19, with smoothed spread). The numbers that are drawn depend
 on the seed alone, not on who judges them, or when. Whoever judges is told the price beyond which a trial would not have been
-among the best of the round before, and may then leave off.
+among the best of the round before, and may then leave off. A search goes downhill from where it begins; where that is, a survey may say.
 """
 
 from collections.abc import Callable, Sequence
@@ -160,8 +160,9 @@ class Searched:
 
     def __str__(self) -> str:
         found = f"best price {self.best.price:.3f}" if self.candidates else "nothing judged"
+        among = f" in {len(self.rounds)} rounds" if self.rounds else ""
         return (
-            f"seed {self.seed}: {len(self.candidates)} candidates in {len(self.rounds)} rounds, {self.runs} runs of {self.simulated:.0f} s "
+            f"seed {self.seed}: {len(self.candidates)} candidates{among}, {self.runs} runs of {self.simulated:.0f} s "
             f"in all, {self.processor:.1f} s of processor; {found}; {self.ended}"
         )
 
@@ -172,6 +173,52 @@ class Tell(Protocol):
     def advance(self, done: float, note: str = "") -> None:
         """So many candidates are done."""
         ...
+
+
+def survey(
+    judge: Callable[[Floats, float], Judgement],
+    region: Unknowns,
+    executor: Executor,
+    *,
+    count: int,
+    seed: int = 0,
+    stop: Callable[[], bool] = lambda: False,
+    progress: Tell | None = None,
+) -> Searched:
+    """Look round a region for places from which to search: its mean, and numbers drawn evenly from all of it.
+
+    Parameters
+    ----------
+    judge : callable
+        As of `search`; it is told that no price is worth knowing in full, so that it leaves off as soon as it knows anything.
+    region : Unknowns
+    executor : Executor
+    count : int
+        Of all that is tried.
+    seed : int
+    stop : callable
+        Whether time is up.
+    progress : Tell, optional
+
+    Returns
+    -------
+    Searched
+        Without rounds, also when it is interrupted.
+
+    Raises
+    ------
+    OctoctrlError
+        If the count is out of range.
+    """
+    check_count("count", count, at_least=1)
+    drawn = np.random.default_rng(seed).uniform(region.low, region.high, size=(count - 1, len(region.mean)))
+    found, processor, began = Searched(unknowns=region, seed=seed, ended="all were tried", worth=-np.inf), process_time(), perf_counter()
+    try:
+        _judged(judge, found.worth, [region.within(region.mean), *drawn], executor, found, stop, progress)
+    except KeyboardInterrupt:
+        found.ended = "interrupted"
+    found.processor, found.wall = process_time() - processor, perf_counter() - began
+    return found
 
 
 def search(

@@ -1,8 +1,9 @@
-"""How an arm may take hold of an object: whether it is long enough, and from which eleven numbers a search begins.
+"""How an arm may take hold of an object: whether it is long enough, and from which twelve numbers a search begins.
 
-The arm curls towards the object from a little before its nearest point on, may twist so that it passes beside it in a helix, and leans away
-a little with its base to make room for the curl. The first numbers are means of what was found for posts of 10 to 23 mm. All angles are
-those of the arm at rest, which leaves its base along +y.
+The arm curls towards the object from a little before its nearest point on, may twist so that it passes beside it in a helix, and leans with
+a part before the curl: away a little to make room for it, or far to a side, so that it comes to lie across an object that stands along it.
+The first numbers are means of what was found for posts of 10 to 23 mm. All angles are those of the arm at rest, which leaves its base
+along +y.
 """
 
 from dataclasses import replace
@@ -130,11 +131,7 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene) -> Task:
     OctoctrlError
         If no goal is of covered winding.
     """
-    wanted = [(phase.name, goal) for phase in task.phases for goal in phase.goals if isinstance(goal, CoveredWindingGoal)]
-    if not wanted:
-        raise OctoctrlError(f"task '{task.name}': drives can be chosen for a grasp only, by a goal of covered_winding; give drives")
-    item = next(item for item in scene.objects if item.name == wanted[0][1].object)
-    place, _, azimuth = nearest(arm, item)
+    place, _, azimuth = nearest(arm, _grasped(task, scene))
     first = task.phases[0].name
     scale = arm.length / 0.2
     curl = Curl(azimuth=azimuth, level=LEVEL, profile=PROFILE, start=max(place - BEFORE * scale, 0.0), speed=SPEED * scale)
@@ -143,9 +140,41 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene) -> Task:
     drives = (
         Drive(name="curl", primitive=curl, begins=first, free=("azimuth", "level", "profile", "start", "speed", "delay"), delay=DELAY),
         Drive(name="twist", primitive=twist, begins=first, free=("turns", "stop")),
-        Drive(name="swing", primitive=lean, begins=first, free=("azimuth", "level", "stop")),
+        Drive(name="swing", primitive=lean, begins=first, free=("azimuth", "level", "start", "stop")),
     )
     return replace(task, drives=drives, choose=None)
+
+
+def grasp_region(task: Task, arm: Arm, scene: Scene) -> dict[str, tuple[float, float]]:
+    """Where to look round for grasps before a search: lowest and highest of each free number of `grasp_drives`, by its name.
+
+    Leans go to all sides, and the curl towards the object, from a little before the nearest point to a little beyond it.
+    """
+    place, _, azimuth = nearest(arm, _grasped(task, scene))
+    scale = arm.length / 0.2
+    leans = max(place + 0.01 * scale, 0.06 * scale)
+    return {
+        "curl.azimuth": (azimuth - 0.9, azimuth + 0.9),
+        "curl.level": (0.5, 0.75),
+        "curl.profile": (0.3, 1.2),
+        "curl.start": (max(place - 0.035 * scale, 0.0), min(place + 0.04 * scale, 0.8 * arm.length)),
+        "curl.speed": (0.03 * scale, 0.07 * scale),
+        "curl.delay": (0.1, 0.8),
+        "twist.turns": (-0.3, 0.3),
+        "twist.stop": (0.07 * scale, 0.13 * scale),
+        "swing.azimuth": (azimuth - pi, azimuth + pi),
+        "swing.level": (0.0, 0.35),
+        "swing.start": (max(leans - 0.07 * scale, 0.0), max(leans - 0.04 * scale, 0.0)),
+        "swing.stop": (leans - 0.03 * scale, leans),
+    }
+
+
+def _grasped(task: Task, scene: Scene) -> RigidObject:
+    """The object of a task's first goal of covered winding."""
+    wanted = [goal for phase in task.phases for goal in phase.goals if isinstance(goal, CoveredWindingGoal)]
+    if not wanted:
+        raise OctoctrlError(f"task '{task.name}': drives can be chosen for a grasp only, by a goal of covered_winding; give drives")
+    return next(item for item in scene.objects if item.name == wanted[0].object)
 
 
 def touch_time(plan: Plan) -> float:
