@@ -454,6 +454,37 @@ def test_the_crevice_is_a_task_of_this_scene():
     assert too_short(task, configuration.arm, configuration.scene) == ""
 
 
+def test_phases_that_are_searched_together_cost_what_they_cost_one_by_one(hold):
+    plan, _, _ = hold
+    (curl,) = plan.schedule.primitives
+    (goal,) = plan.task.phases[0].goals
+    phases = (
+        oc.Phase(name="reach", duration=2.0, goals=(replace(goal, hold=0.0),), with_next=True),
+        oc.Phase(name="hold", duration=1.0, goals=(replace(goal, hold=0.3),)),
+        oc.Phase(name="rest", duration=0.5),
+    )
+    drives = (
+        oc.Drive(name="lean", primitive=Swing(azimuth=1.0, level=0.05), begins="hold"),
+        oc.Drive(name="curl", primitive=replace(curl, onset=0.0), begins="reach", free=("level", "azimuth")),
+    )
+    task = replace(plan.task, phases=phases, drives=drives, choose=None)
+    assert searching.at_once(task) == [phases[:2], phases[2:]]
+    work = searching.Work(ARM, plan.scene, None, searching.NullProgress(), 1.0, 0)
+
+    def stage(phases, settled=(), states=(None,)):
+        return searching._stage(task, phases, settled, work, (PLANNED,), states, CURVE)
+
+    both, first = stage(phases[:2]), stage(phases[:1])
+    assert both.unknowns.names == ("curl.level", "curl.azimuth", "lean.level"), "in the order of the phases"
+    (ended,) = first.ended(first.unknowns.mean)
+    second = stage(phases[1:2], first.primitives(first.unknowns.mean), (ended.state,))
+    alone = [part(part.unknowns.mean) for part in (first, second)]
+    judged = both(both.unknowns.mean)
+    assert judged.price == pytest.approx(sum(part.price for part in alone), abs=1e-9) and judged.simulated == 3.0
+    (found,), (later,) = both.ended(both.unknowns.mean), second.ended(second.unknowns.mean)
+    assert found.misses == pytest.approx((*ended.misses, *later.misses), abs=1e-9) and later.misses != ended.misses
+
+
 @pytest.mark.parametrize("name", ["rotate-carry-release", "carry-outward"])
 def test_what_the_examples_carry_meets_its_goals_on_the_rod(name, monkeypatch):
     monkeypatch.setattr(searching, "_scenarios", lambda task, work: (PLANNED,))

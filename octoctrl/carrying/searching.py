@@ -15,7 +15,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from octoctrl.planners.asking.task import Drive, Task
+from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.asking.wrapping import TwistCurve
 from octoctrl.planners.contracts import Primitive
 from octoctrl.planners.model.reduced import ReducedModel
@@ -168,24 +168,25 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     tried: list[str] = []
     count, worst = 0, 0.0
     last: list[Candidate] = []
-    for index, phase in enumerate(task.phases):
-        region: Mapping[str, tuple[float, float]] = {}
-        if index == 0 and task.choose is not None:
-            region = grasp_region(task, work.arm, work.scene)
-            task = grasp_drives(task, work.arm, work.scene).on(work.arm)
-        stage = _stage(task, index, settled, work, scenarios, states, curve)
-        last, said, tries = _search_phase(stage, work, index, region)
+    region: Mapping[str, tuple[float, float]] = {}
+    if task.choose is not None:
+        region = grasp_region(task, work.arm, work.scene)
+        task = grasp_drives(task, work.arm, work.scene).on(work.arm)
+    together = at_once(task)
+    for index, phases in enumerate(together):
+        stage = _stage(task, phases, settled, work, scenarios, states, curve)
+        last, said, tries = _search_phase(stage, work, index, {} if index else region)
         tried += said
         count += tries
         best = last[0]
         worst = max(worst, best.price)
-        if index < len(task.phases) - 1:
+        if index < len(together) - 1:
             settled += stage.primitives(best.x)
             numbers |= dict(zip(stage.unknowns.names, map(float, best.x), strict=True))
             ended = stage.ended(best.x)
             shares = [max(item.misses, default=0.0) for item in ended]
             before = tuple(map(max, before, shares))
-            tried.append(by_scenario(f"phase '{phase.name}'", shares))
+            tried.append(by_scenario(f"phase '{stage.name}'", shares))
             states = tuple(item.state or None for item in ended)
     programmes = [
         Programme(
@@ -199,6 +200,17 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
         for item in last
     ]
     return Findings(programmes, tuple(tried), count, worst)
+
+
+def at_once(task: Task) -> list[tuple[Phase, ...]]:
+    """The phases of a `task`, those that are searched together side by side."""
+    found: list[tuple[Phase, ...]] = []
+    for number, phase in enumerate(task.phases):
+        if number and task.phases[number - 1].with_next:
+            found[-1] += (phase,)
+        else:
+            found.append((phase,))
+    return found
 
 
 def _in_order(task: Task, primitives: Sequence[Primitive]) -> tuple[Primitive, ...]:
@@ -225,19 +237,20 @@ def _scenarios(task: Task, work: Work) -> tuple[Scenario, ...]:
 
 def _stage(
     task: Task,
-    index: int,
+    phases: tuple[Phase, ...],
     settled: tuple[Primitive, ...],
     work: Work,
     scenarios: tuple[Scenario, ...],
     states: tuple[State | None, ...],
     curve: TwistCurve,
 ) -> Stage:
-    phase = task.phases[index]
-    drives: tuple[Drive, ...] = tuple(drive for drive in task.drives if drive.begins == phase.name)
+    # Phase by phase, for that is the order in which their primitives are known again.
+    drives: tuple[Drive, ...] = tuple(drive for phase in phases for drive in task.drives if drive.begins == phase.name)
+    goals = sum(len(phase.goals) for phase in phases)
     return Stage(
-        task=task, phase=phase, begins=begins_of(task), drives=drives, settled=settled, arm=work.arm, scene=work.scene,
+        task=task, phases=phases, begins=begins_of(task), drives=drives, settled=settled, arm=work.arm, scene=work.scene,
         held=frozenset(objects_held(task)), scenarios=scenarios, states=states, plant=SEARCHED_ON, curve=curve,
-        spread=work.spread, hopeless=HOPELESS * (1 + 0.5 * max(len(phase.goals) - 1, 0)),
+        spread=work.spread, hopeless=HOPELESS * (1 + 0.5 * max(goals - 1, 0)),
     )  # fmt: skip
 
 
@@ -245,7 +258,7 @@ def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]
     """What is found by looking round a region, as planned alone."""
     low, high = np.array([region[name] for name in stage.unknowns.names]).T
     around = replace(stage.unknowns, low=np.maximum(low, stage.unknowns.low), high=np.minimum(high, stage.unknowns.high))
-    work.progress.start(f"looking round for phase '{stage.phase.name}'", float(SURVEYED))
+    work.progress.start(f"looking round for phase '{stage.name}'", float(SURVEYED))
     try:
         found = survey(stage, around, work.executor, count=SURVEYED, seed=work.seed + seed, stop=work.over, progress=work.progress)
     finally:
@@ -255,7 +268,7 @@ def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]
 
 def _rounds(stage: Stage, unknowns: Unknowns, after: Searched | None, work: Work, rounds: int, enough: float, seed: int) -> Searched:
     """Some rounds of a stage, from the mean of the unknowns or after others."""
-    work.progress.start(f"searching phase '{stage.phase.name}'", float(work.population * (rounds + (len(after.rounds) if after else 0))))
+    work.progress.start(f"searching phase '{stage.name}'", float(work.population * (rounds + (len(after.rounds) if after else 0))))
     try:
         result = search(
             stage, unknowns, work.executor, seed=work.seed + seed, population=work.population, rounds=rounds, enough=enough,
@@ -280,9 +293,9 @@ def _search_phase(
 
     It starts from the task's own numbers; where these come near nothing, and there is a region to look round, from the best of a survey.
     """
-    name, unknowns = stage.phase.name, stage.unknowns
+    name, unknowns = stage.name, stage.unknowns
     own = unknowns.mean
-    enough = sum(float(getattr(goal, "enough", ENOUGH)) for goal in stage.phase.goals)
+    enough = sum(float(getattr(goal, "enough", ENOUGH)) for phase in stage.phases for goal in phase.goals)
     if not unknowns.names:
         return [Candidate(own, stage(own))], [], 1
     judged = work.executor.submit(stage, own).result()

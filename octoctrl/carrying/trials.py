@@ -1,4 +1,4 @@
-"""Trials: numbers of the drives of one phase, carried out on a plant from where the phase before ended, and what they come to.
+"""Trials: numbers of the drives of a phase, carried out on a plant from where the phase before ended, and what they come to.
 
 A trial is judged in several scenarios, each with a plant and a state of its own, by half the mean of the prices and half the worst of
 them; a bad scenario ends it. Plants are kept by the process or the thread that judges, for a search makes hundreds of trials.
@@ -72,7 +72,7 @@ def schedule_of(primitives: tuple[Primitive, ...], duration: float) -> Schedule:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """What became of a run: the recording of its last phase, misses of the phase's goals in tolerances, and the plant's state."""
+    """What became of a run: its recording, misses of the goals in tolerances, and the plant's state."""
 
     recording: Recording
     misses: tuple[float, ...]
@@ -81,16 +81,16 @@ class Ended:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
-    """One phase that is searched.
+    """What is searched at once: a phase, or several that are judged together.
 
     Attributes
     ----------
     task : Task
-    phase : Phase
+    phases : tuple of Phase
     begins : mapping of str to float, s
         Of all phases.
     drives : tuple of Drive
-        Those that set in with this phase.
+        Those that set in with these phases.
     settled : tuple of Primitive
         Of the phases before.
     arm : Arm
@@ -110,7 +110,7 @@ class Stage:
     """
 
     task: Task
-    phase: Phase
+    phases: tuple[Phase, ...]
     begins: Mapping[str, float]
     drives: tuple[Drive, ...]
     settled: tuple[Primitive, ...]
@@ -144,8 +144,18 @@ class Stage:
         labels = tuple(f"{self.drives[index].name}.{name}" for index, name in self.names)
         return Unknowns(names=labels, mean=mean, spread=spread, low=low_, high=high_)
 
+    @property
+    def name(self) -> str:
+        """Of all its phases."""
+        return "' and '".join(phase.name for phase in self.phases)
+
+    @property
+    def duration(self) -> float:
+        """Of all its phases, s."""
+        return sum(phase.duration for phase in self.phases)
+
     def primitives(self, x: Floats) -> tuple[Primitive, ...]:
-        """Those of the phase for numbers `x` (n,)."""
+        """Those of its drives for numbers `x` (n,)."""
         numbers: list[dict[str, float]] = [{} for _ in self.drives]
         for (index, name), value in zip(self.names, x, strict=True):
             numbers[index][name] = float(value)
@@ -156,25 +166,35 @@ class Stage:
         return scenario.scene(self.scene, set(self.held))
 
     def run(self, x: Floats, number: int, record_every: int = RECORD) -> tuple[Recording, Plant]:
-        """The phase for numbers `x` in scenario `number`, recorded at `record_every`, and the plant at its end."""
+        """What numbers `x` come to in scenario `number`, recorded at `record_every`, and the plant at its end."""
         scenario, state = self.scenarios[number], self.states[number]
         plant = plant_for(self.plant, self.arm, self.scene_in(scenario), record_every)
         plant.reset()
         if state is not None:
             plant.restore(state)
         acting = tuple(scenario.primitive(item) for item in (*self.settled, *self.primitives(x)))
-        activation = schedule_of(acting, self.begins[self.phase.name] + self.phase.duration).activation()
-        return plant.advance(activation, self.phase.duration), plant
+        activation = schedule_of(acting, self.begins[self.phases[0].name] + self.duration).activation()
+        return plant.advance(activation, self.duration), plant
+
+    def parts(self, recording: Recording) -> list[tuple[Phase, Recording]]:
+        """Each phase, and what of a `recording` of all is of it."""
+        begins = [self.begins[phase.name] for phase in self.phases]
+        return [(phase, since(recording, begin).until(begin + phase.duration)) for phase, begin in zip(self.phases, begins, strict=True)]
+
+    def misses(self, recording: Recording) -> tuple[float, ...]:
+        """By how many tolerances each goal of the phases is missed on a `recording` of them."""
+        return tuple(share for phase, part in self.parts(recording) for share in misses(phase, part, self.arm, self.task))
 
     def price(self, recording: Recording) -> float:
-        """What the goals of the phase cost on a `recording` of it, and what sinks in too deep."""
-        windows: dict[float, RecordedOutputs] = {}
+        """What the goals of the phases cost on a `recording` of them, and what sinks in too deep."""
         total = 0.0
-        for goal in self.phase.goals:
-            begin = 0.0 if goal.when is When.THROUGHOUT else float(recording.time[-1]) - max(goal.hold, LOOKED_AT)
-            if begin not in windows:
-                windows[begin] = RecordedOutputs(since(recording, begin), None, self.arm)
-            total += price_of(goal, windows[begin], self.task)
+        for phase, part in self.parts(recording):
+            windows: dict[float, RecordedOutputs] = {}
+            for goal in phase.goals:
+                begin = 0.0 if goal.when is When.THROUGHOUT else float(part.time[-1]) - max(goal.hold, LOOKED_AT)
+                if begin not in windows:
+                    windows[begin] = RecordedOutputs(since(part, begin), None, self.arm)
+                total += price_of(goal, windows[begin], self.task)
         depth = max((float(values.deepest.max()) for values in touches(recording).values()), default=0.0)
         return total + 1e3 * max(depth - DEEP, 0.0)
 
@@ -197,10 +217,8 @@ class Stage:
                 break
         tried = len(prices)
         price = self.together(prices, max(prices) + 0.2)
-        met = len(recordings) == len(self.scenarios) and all(
-            max(misses(self.phase, recording, self.arm, self.task), default=0.0) <= 1 for recording in recordings
-        )
-        return Judgement(price=price, simulated=tried * self.phase.duration, runs=tried, met=met, notes=tuple(prices))
+        met = len(recordings) == len(self.scenarios) and all(max(self.misses(item), default=0.0) <= 1 for item in recordings)
+        return Judgement(price=price, simulated=tried * self.duration, runs=tried, met=met, notes=tuple(prices))
 
     def together(self, prices: list[float], other: float) -> float:
         """Half the mean of the `prices` of all scenarios, and half the worst; of those that were not tried it is the `other`."""
@@ -208,14 +226,14 @@ class Stage:
         return 0.5 * float(np.mean(filled)) + 0.5 * max(filled)
 
     def ended(self, x: Floats) -> list[Ended]:
-        """The phase for numbers `x` in every scenario, with states at the end; one that diverges stays where it began."""
-        found = []
+        """What numbers `x` come to in every scenario, with states at the end; one that diverges stays where it began."""
+        found, goals = [], sum(len(phase.goals) for phase in self.phases)
         for number, state in enumerate(self.states):
             try:
                 recording, plant = self.run(x, number)
-                found.append(Ended(recording, misses(self.phase, recording, self.arm, self.task), plant.state()))
+                found.append(Ended(recording, self.misses(recording), plant.state()))
             except PlantUnstableError as error:
-                found.append(Ended(error.recording, (np.inf,) * max(len(self.phase.goals), 1), state or {}))
+                found.append(Ended(error.recording, (np.inf,) * max(goals, 1), state or {}))
         return found
 
 

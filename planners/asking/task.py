@@ -47,6 +47,9 @@ class Phase:
         First guess.
     shortest, longest : float, s
     goals : tuple of Goal
+    with_next : bool
+        Whether a search by simulating looks for its numbers together with those of the next phase, and judges both by the goals of both:
+        where what is done here shows its worth only there.
 
     Raises
     ------
@@ -59,6 +62,7 @@ class Phase:
     shortest: float = 0.3
     longest: float = 4.0
     goals: tuple[Goal, ...] = ()
+    with_next: bool = False
 
     def __post_init__(self) -> None:
         _check_name("phase", self.name)
