@@ -1,4 +1,4 @@
-"""One schedule that grasps a post, tried on others: thicker ones, other shapes, other friction, and with its bend all at once.
+"""One schedule that grasps a post, tried on others: thicker ones, other shapes, other friction, and with its bend faster or all at once.
 
 Run `python benchmarks/grasp_sweep.py all --figure docs/grasp-sweep.png`, or one of its parts alone. The schedule is planned once, for the
 post of the task `grasp`, and stays as it is; of other diameters the surface stays where it was.
@@ -15,7 +15,7 @@ from octoctrl.carrying.trials import schedule_of
 from octoctrl.carrying.tugging import tugs
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
-from octoctrl.planners.asking.wrapping import Curl, Swing
+from octoctrl.planners.asking.wrapping import Curl
 from octoctrl.planners.solving.grasping import nearest
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
@@ -80,7 +80,7 @@ def main():
     post, arm, results = plan.scene.objects[0], plan.arm, {}
     if given.part in ("diameter", "all"):
         results["diameter"] = []
-        for diameter in (10, 12, 16, 20, 24, 28, 32, 36, 42, 50, 60):
+        for diameter in (10, 12, 14, 16, 18, 20, 22, 23, 24, 25, 26, 27, 28, 30, 32, 36, 42, 50, 60):
             found = run(plan, plan.schedule, [thicker(post, arm, diameter * 1e-3)], given.plant)
             results["diameter"].append((diameter, shown(f"diameter {diameter} mm, D/L {diameter / 200:.2f}", found)))
     if given.part in ("shapes", "all"):
@@ -96,11 +96,10 @@ def main():
                 found["axial over mu N"] = found["axial"] / (mu * found["normal"])
             results["friction"].append((mu, shown(f"friction {mu}", found)))
     if given.part in ("wave", "all"):
-        at_once = [uniform(item, rise) for item in plan.schedule.primitives for rise in (0.5,)]
-        results["wave"] = [
-            ("wave", shown("wave", run(plan, plan.schedule, [post], given.plant))),
-            ("at once", shown("the same levels at once", run(plan, schedule_of(tuple(at_once), SECONDS), [post], given.plant))),
-        ]
+        results["wave"] = []
+        for name, factor in {"as planned": 1.0, "twice as fast": 2.0, "four times": 4.0, "eight times": 8.0, "at once": 300.0}.items():
+            faster = schedule_of(tuple(hastened(item, factor) for item in plan.schedule.primitives), SECONDS)
+            results["wave"].append((name, shown(f"front {name}", run(plan, faster, [post], given.plant))))
     if given.figure:
         drawn(results, plan.arm.length, given.figure)
 
@@ -124,11 +123,9 @@ def turned(axis, degrees):
     return float(x), float(np.cos(angle) * y - np.sin(angle) * z), float(np.sin(angle) * y + np.cos(angle) * z)
 
 
-def uniform(item, rise):
-    """A curl whose front does not travel: the whole of it bends at once."""
-    if not isinstance(item, Curl):
-        return item
-    return Swing(azimuth=item.azimuth, level=item.level, start=item.start, stop=item.stop, onset=item.onset, rise=rise)
+def hastened(item, factor):
+    """A curl whose front is faster; a few hundred times: the whole of it bends at once, at the same levels."""
+    return replace(item, speed=factor * item.speed) if isinstance(item, Curl) else item
 
 
 def drawn(results, length, path):

@@ -321,26 +321,41 @@ def test_maps_show_the_side_and_the_strength(hold, tmp_path):
         activation_maps([], tmp_path / "none.png")
 
 
-@pytest.mark.parametrize("changed", ["nothing", "half the step", "twice the elements", "ten times the stiffness"])
-def test_a_grip_is_at_rest_and_hardly_depends_on_step_elements_and_stiffness(changed):
-    """Numbers that the search of the task `grasp` finds, on its elements."""
+def gripping():
+    """The grasp's own configuration, and drives that its search finds for it."""
     configuration = oc.tasks.load("grasp")
-    arm, (post,) = configuration.arm, configuration.scene.objects
     curl = Curl(azimuth=-3.2386, level=0.6136, profile=0.8156, start=0.04758, stop=0.1967, speed=0.03954, onset=0.2692, apex=0.2 * 12 / 11)
     curve = TwistCurve(levels=(0.0, 0.005), turns=(0.0, 0.4579))
     twist = StoreTwist(turns=0.03178, stop=0.08447, curve=curve)
-    lean = Swing(azimuth=-0.6929, level=0.01153, stop=0.03237)
+    return configuration, curl, twist, Swing(azimuth=-0.6929, level=0.01153, stop=0.03237)
+
+
+@pytest.mark.parametrize("changed", ["nothing", "half the step", "twice the elements", "ten times the stiffness"])
+def test_a_grip_is_at_rest_and_hardly_depends_on_step_elements_and_stiffness(changed):
+    configuration, *drives = gripping()
+    arm, (post,) = configuration.arm, configuration.scene.objects
     if changed == "twice the elements":
         arm = replace(arm, elements=2 * arm.elements)
     if changed == "ten times the stiffness":
         post = replace(post, stiffness=10 * post.stiffness)
     step = 3.2e-4 if changed == "half the step" else "auto"
     plant = oc.make_plant("rod", arm, oc.Scene(objects=(post,)), dt=step)
-    recording = plant.advance(schedule_of((curl, twist, lean), 5.0).activation(), 5.0)
+    recording = plant.advance(schedule_of(tuple(drives), 5.0).activation(), 5.0)
     speed = np.linalg.norm(plant.observe().velocities, axis=1)
     assert np.sqrt((speed**2).mean()) < 5e-4, "at steps of 1 ms it trembles by 9 mm/s"
     hold = hold_in(RecordedOutputs(recording, None, arm), "post")
     assert np.abs(hold.covered)[recording.time >= 4.0].min() == pytest.approx(1.174, abs=0.01)
+
+
+def test_a_front_that_travels_takes_hold_and_the_same_levels_at_once_do_not():
+    configuration, curl, *others = gripping()
+    arm, covered = configuration.arm, {}
+    for factor in (1, 300):
+        plant = oc.make_plant("rod", arm, configuration.scene, record_every=20)
+        drives = (replace(curl, speed=factor * curl.speed), *others)
+        recording = plant.advance(schedule_of(drives, 5.0).activation(), 5.0)
+        covered[factor] = np.abs(hold_in(RecordedOutputs(recording, None, arm), "post").covered)[recording.time >= 4.0].min()
+    assert covered[1] > 0.95 and covered[300] < 0.7
 
 
 # ---------------------------------------------------------------- from task to verdict
