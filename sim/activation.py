@@ -228,7 +228,7 @@ class Pulse:
     stretch : float, m
         How long it is where it stands; three widths longer as it travels, for its rear comes from before the window.
     speed : float, m/s
-        The greatest, in the middle of its way.
+        The greatest, of its middle, halfway.
     width : float, m
         Either end rises as (1 + tanh(distance / width)) / 2.
     onset : float, s
@@ -238,6 +238,8 @@ class Pulse:
         When it sets out.
     window : (float, float), m
         Where its rear stands, and where it arrives.
+    shrinks_to : float
+        Share of the stretch that arrives. A bend of one level turns a tapering arm by one angle all along if it shortens as the radius.
 
     References
     ----------
@@ -253,12 +255,13 @@ class Pulse:
     onset: float = 0.0
     rise: float = 0.5
     offset: float = inf
+    shrinks_to: float = 1.0
 
     def __post_init__(self) -> None:
         _check_template(self)
         if self.window[1] == inf:
             raise OctoctrlError(f"Pulse: window {tuple(self.window)} m has no end; give the arclength at which the stretch arrives")
-        for name, unit in (("stretch", "m"), ("speed", "m/s"), ("width", "m"), ("rise", "s")):
+        for name, unit in (("stretch", "m"), ("speed", "m/s"), ("width", "m"), ("rise", "s"), ("shrinks_to", "")):
             if _is_number(getattr(self, name)):
                 check_number(name, getattr(self, name), above=0.0, unit=unit)
 
@@ -274,9 +277,10 @@ class Pulse:
         """Share of each cell between the two ends; the rear one comes from just before the window, where it does not show."""
         before = OUT_OF_SIGHT * self.width
         way = self.window[1] - self.window[0] + before
-        gone = 0.0 if _never(self.offset) else way * least_jerk(math, time, self.offset, PEAK * way / self.speed)
-        rear = self.window[0] - before + gone
-        front = rear + before + self.stretch
+        shorter = (1 - self.shrinks_to) * self.stretch
+        gone = 0.0 if _never(self.offset) else least_jerk(math, time, self.offset, PEAK * (way - shorter / 2) / self.speed)
+        rear = self.window[0] - before + gone * way
+        front = rear + before + self.stretch - gone * shorter
         return front_coverage(math, front, self.width, lower, upper) - front_coverage(math, rear, self.width, lower, upper)
 
     def coverage(self, lower: Any, upper: Any) -> Any:
@@ -286,7 +290,7 @@ class Pulse:
     @property
     def whereabouts(self) -> object:
         """What decides `place`: templates that agree in it act in one place."""
-        return self.window, self.stretch, self.speed, self.width, self.offset
+        return self.window, self.stretch, self.shrinks_to, self.speed, self.width, self.offset
 
     def place(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """Share of each cell in which a change of the level acts at `time`: the stretch where it is then."""

@@ -225,6 +225,20 @@ def test_a_pulse_stands_and_then_travels_as_fast_as_it_was_told():
     assert pulse.place(np, np.array([[0.0]]), lower, upper)[0, np.abs(middles - 0.035).argmin()] == pytest.approx(1.0, abs=1e-3)
 
 
+def test_a_pulse_that_shrinks_arrives_with_its_share_and_its_middle_is_as_fast_as_it_was_told():
+    numbers = {"groups": ("LM1",), "level": 0.4, "stretch": 0.03, "speed": 0.2, "width": 1e-3, "rise": 0.5, "window": (0.02, 0.18)}
+    pulse, edges, time = Pulse(**numbers, offset=1.0, shrinks_to=0.4), np.linspace(0.0, 0.3, 1201), np.linspace(1.0, 2.5, 601)
+    shares = pulse.weight(np, time[:, None], edges[:-1], edges[1:])
+    lengths, lasts = shares.sum(axis=1) * (edges[1] - edges[0]), PEAK * (0.16 + 3e-3 - 0.018 / 2) / 0.2
+    assert lengths[-1] == pytest.approx(0.4 * 0.03 + 3e-3, rel=1e-3)  # and the three widths that it is longer on its way
+    centre = shares @ ((edges[1:] + edges[:-1]) / 2) / shares.sum(axis=1)
+    assert np.gradient(centre, time)[np.abs(time - 1.0 - lasts / 2).argmin()] == pytest.approx(0.2, rel=5e-3)
+    whole = [Pulse(**numbers, offset=9.0, shrinks_to=share).weight(np, 0.7, edges[:-1], edges[1:]) for share in (0.4, 1.0)]
+    np.testing.assert_array_equal(*whole)  # before it sets out
+    with pytest.raises(OctoctrlError, match=r"^shrinks_to=0 is outside > 0$"):
+        Pulse(**numbers, shrinks_to=0.0)
+
+
 def test_a_pulse_needs_an_end():
     with pytest.raises(OctoctrlError) as caught:
         Pulse(groups=("LM1",), level=0.4, stretch=0.03, speed=0.2, width=2e-3, window=(0.02, float("inf")))

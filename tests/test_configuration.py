@@ -89,7 +89,7 @@ def configurations(draw):
         task=task,
         arm=draw(st.sampled_from([arm, Arm(length=draw(st.floats(0.1, 4.0)), elements=draw(st.integers(8, 300)))])),
         scene=Scene(water=water),
-        plan=PlanSettings(time_limit=draw(positive)),
+        plan=PlanSettings(time_limit=draw(positive), sections=draw(st.none() | st.integers(2, 40))),
         run=RunSettings(feedback=draw(st.sampled_from(["tvlqr", "open-loop"])), period=draw(st.none() | positive)),
     )
 

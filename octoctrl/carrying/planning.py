@@ -80,6 +80,8 @@ def plan(
     arm = configuration.arm if arm is None else arm
     scene = configuration.scene if scene is None else scene
     identified = load_model(model, arm, scene, configuration.run.plant if plant is None else plant)
+    if configuration.plan.sections is not None:
+        identified = identified.divided(configuration.plan.sections)
     from octoctrl.planners.solving.grasping import is_simulated
 
     limit = configuration.plan.time_limit if time_limit is None else time_limit

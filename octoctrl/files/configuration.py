@@ -28,6 +28,8 @@ class PlanSettings:
     ----------
     time_limit : float, s
         Wall-clock limit of the optimisation; the best plan so far is kept.
+    sections : int, optional
+        Of the reduced model, 2 to 40; as many as it was identified with if omitted. A bend that travels is seen as finely as these are.
     seed : int
         Of the numbers that are drawn where a task is searched by simulating.
     spread : float
@@ -37,6 +39,7 @@ class PlanSettings:
     """
 
     time_limit: float = 60.0
+    sections: int | None = None
     seed: int = 0
     spread: float = 1.0
     twist_error: float = 0.3
@@ -45,6 +48,8 @@ class PlanSettings:
 
     def __post_init__(self) -> None:
         check_number("time_limit", self.time_limit, above=0.0, unit="s")
+        if self.sections is not None:
+            check_count("sections", self.sections, at_least=2, at_most=40)
         check_count("seed", self.seed, at_least=0)
         check_number("spread", self.spread, above=0.0, at_most=10.0)
         for name in ("twist_error", "bend_error", "profile_error"):

@@ -190,7 +190,7 @@ class CarriedBend:
     """Bend a stretch near the window's begin, hold it, and carry the bend to the window's end: reaching.
 
     Three neighbouring longitudinal muscles are active along `stretch`, which sets out when the drive ends and travels as fast as `speed` in
-    the middle of its way, gently at both ends.
+    the middle of its way, gently at both ends; the share `shrinks_to` of it arrives.
     """
 
     side: str = "LM1"
@@ -202,13 +202,14 @@ class CarriedBend:
     rise: float = 0.6
     offset: float = inf
     window: tuple[Length, Length] = (0.02, 0.2)
+    shrinks_to: float = 1.0
 
     def __post_init__(self) -> None:
         _settle(self)
 
     def templates(self) -> tuple[Template, ...]:
         """One pulse on the three muscles."""
-        names = ("level", "stretch", "speed", "width", "onset", "rise", "offset", "window")
+        names = ("level", "stretch", "speed", "width", "onset", "rise", "offset", "window", "shrinks_to")
         return (Pulse(groups=neighbours(self.side), **{name: getattr(self, name) for name in names}),)
 
     def bounds(self) -> dict[str, tuple[float, float]]:

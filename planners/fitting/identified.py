@@ -1,7 +1,7 @@
 """An identified model: the reduced model with its factors, how well they are known, and where it was tried; as a file, and by arm."""
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +110,19 @@ class IdentifiedModel(Record):
     def deviations(self) -> dict[str, float]:
         """Standard deviation of each fitted factor."""
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    def divided(self, sections: int) -> "IdentifiedModel":
+        """The same with so many sections: the factors are of the tissue and the water, not of how the arm is divided.
+
+        Parameters
+        ----------
+        sections : int
+
+        Returns
+        -------
+        IdentifiedModel
+        """
+        return replace(self, model=replace(self.model, sections=sections))
 
     def save(self, path: str | Path) -> None:
         """Write everything but arm and scene to a ``.json`` file."""
