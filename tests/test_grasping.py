@@ -35,6 +35,7 @@ from octoctrl.sim.activation import Wave
 from octoctrl.sim.contact.bodies import notes_of, rows_of
 from octoctrl.sim.contact.columns import Note
 from octoctrl.sim.contact.hold import Hold, recorded_object
+from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Fixed, Free, Plane, Sphere, frame_of
 from octoctrl.sim.topology.measures import present_of_frames
@@ -400,7 +401,7 @@ def as_given(hold, monkeypatch, post=POST, scenarios=(PLANNED,), free=("level", 
     (curl,) = plan.schedule.primitives
     drive = oc.Drive(name="curl", primitive=replace(curl, onset=0.0), begins="grasp", delay=curl.onset, free=free)
     task = replace(plan.task, drives=(drive,), choose=None)
-    monkeypatch.setattr(searching, "_scenarios", lambda task, work: scenarios)
+    monkeypatch.setattr(searching, "scenarios_of", lambda task, work: scenarios)
     return plan_by_search(task, replace(plan.model, scene=oc.Scene(objects=(post,))), population=2, rounds=1), curl
 
 
@@ -465,8 +466,20 @@ def test_the_crevice_is_a_task_of_this_scene():
     task = configuration.task.on(configuration.arm)
     check_objects(task, configuration.scene)
     assert is_simulated(task) and objects_held(task) == {"bar", "post 1"} and held_at_the_end(task) == {"bar"}
-    assert searching.begins_of(task) == {"pass": 0.0, "grasp": 2.5, "turn": 6.0, "before": 9.0, "out": 10.5}
+    assert searching.begins_of(task) == {"pass": 0.0, "grasp": 2.5, "turn": 5.7, "before": 9.0, "out": 10.5}
+    assert [[phase.name for phase in phases] for phases in searching.at_once(task)] == [["pass"], ["grasp", "turn"], ["before"], ["out"]]
     assert too_short(task, configuration.arm, configuration.scene) == ""
+
+
+@pytest.mark.slow
+def test_the_crevice_is_passed_and_the_bar_brought_out_in_all_scenarios():
+    plan = oc.plan(ROOT / "examples" / "crevice.toml", time_limit=60.0)
+    assert plan.status is PlanStatus.HELD, plan.report.reason
+    run = oc.execute(plan)
+    assert oc.verify(run).passed
+    bar = Touch.of(run.recording.series, "bar")
+    assert bar.position[-1, 0] < 0.028, "between base and posts"
+    assert max(touch.deepest.max() for touch in (bar, Touch.of(run.recording.series, "post 1"))) < 3e-4
 
 
 def test_phases_that_are_searched_together_cost_what_they_cost_one_by_one(hold):
@@ -502,7 +515,7 @@ def test_phases_that_are_searched_together_cost_what_they_cost_one_by_one(hold):
 
 @pytest.mark.parametrize("name", ["rotate-carry-release", "carry-outward"])
 def test_what_the_examples_carry_meets_its_goals_on_the_rod(name, monkeypatch):
-    monkeypatch.setattr(searching, "_scenarios", lambda task, work: (PLANNED,))
+    monkeypatch.setattr(searching, "scenarios_of", lambda task, work: (PLANNED,))
     plan = oc.plan(ROOT / "examples" / f"{name}.toml", time_limit=1e-3)
     assert plan.report.goals and all(goal.share <= 1 for goal in plan.report.goals)
     assert plan.status is (PlanStatus.HELD if name == "rotate-carry-release" else PlanStatus.MISSED), "the one ends at rest"

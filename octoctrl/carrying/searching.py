@@ -160,7 +160,7 @@ def plan_by_search(
 
 def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     """Search phase by phase; of the last phase several candidates are kept."""
-    scenarios = _scenarios(task, work)
+    scenarios = scenarios_of(task, work)
     states: tuple[State | None, ...] = (None,) * len(scenarios)
     before = (0.0,) * len(scenarios)
     settled: tuple[Primitive, ...] = ()
@@ -220,8 +220,8 @@ def _in_order(task: Task, primitives: Sequence[Primitive]) -> tuple[Primitive, .
     return tuple(by_name[drive.name] for drive in task.drives)
 
 
-def _scenarios(task: Task, work: Work) -> tuple[Scenario, ...]:
-    """Four in which no object overlaps the arm at rest: directions are drawn until none does."""
+def scenarios_of(task: Task, work: Work) -> tuple[Scenario, ...]:
+    """Four for a `task`, by the `work`, in which no object overlaps the arm at rest: directions are drawn until none does."""
     draw, held = np.random.default_rng(work.seed), set(objects_held(task))
     for _ in range(50):
         found = four(draw, **work.errors)
