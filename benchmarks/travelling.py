@@ -1,8 +1,8 @@
 """Bends that travel: how fast, how evenly, in what plane; and what of a packet, a tip or a sucker side feedback mends.
 
 Run with ``python benchmarks/travelling.py`` (two minutes on the rod). Of the words ``reach packet corkscrew held`` some choose what is
-measured, and the name of a plant another one (``assembly-coarse-mixed``: five minutes for the first three). Water: the usual, and that of
-figure 3, in which layers hardly damp.
+measured, and the name of a plant another one (``assembly-coarse-mixed``: five minutes for the first three); ``markdown`` prints tables for
+the docs. Water: the usual, and that of figure 3, in which layers hardly damp.
 
 The bend is where the bending strain, smoothed over 5 % of the arm, is greatest; its speed is taken over 50 ms, along the arm and in the
 laboratory. Of a reach it is looked at from when the bend sets out until it is 7.5 % of the arm from the tip: the greatest, and how far its
@@ -22,16 +22,19 @@ from octoctrl.sim.activation import PEAK, Activation
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import PLANTS, make_plant
 from octoctrl.sim.topology.measures import writhe
+from octoctrl.tables import Table
 
 ARM = oc.Arm()
 END, SMOOTH, NEAR, OVER, HELD = 0.075 * ARM.length, 0.05 * ARM.length, 0.15 * ARM.length, 0.05, 1.2
 """How near to the tip a bend has left, over what is smoothed, how far from a bend its centroid looks, m; time of a speed, and how long a
 bend is held first, s."""
 WATERS = {"figure 3": tasks.programme("fig3a").scene, "usual": oc.Scene()}
+PULSES = {0.05: 0.2, 0.1: 0.25, 0.2: 0.25}
+"""Levels of packets by their speed, m/s: a slow one has the time to bend the arm so far that it lies across itself."""
 WINDOW = (0.0, 0.989 * ARM.length)
 STRONG = ["task.drives.pulse.settings.level=0.4", "task.drives.pulse.free=['speed']"]
 """A packet of bending strain 0.3."""
-CARRIED = (0.1 * ARM.length, 0.989 * ARM.length)
+CARRIED = {"level": 0.2, "stretch": 0.2 * ARM.length, "shrinks_to": 0.6, "window": (0.1 * ARM.length, 0.989 * ARM.length)}
 
 
 def moved(plant, scene, primitives, duration):
@@ -71,32 +74,34 @@ def bend(recording):
     return along, strength, np.array([[np.interp(s, edges, axis) for axis in p.T] for s, p in zip(along, recording.points, strict=True)])
 
 
-def out_of_plane(recording):
-    """Largest distance from the plane of bending, in arm lengths."""
-    return np.abs(recording.points[..., 2]).max() / ARM.length
-
-
 def reach(plant):
-    print(f"reach on {plant}: speeds in cm/s")
-    for water, scene in WATERS.items():
-        for speed in (0.1, 0.2, 0.3, 0.4):
-            carried = CarriedBend(level=0.2, speed=speed, offset=HELD, window=CARRIED)
-            lasts = PEAK * (CARRIED[1] - CARRIED[0]) / speed
-            recording = moved(plant, scene, [carried], HELD + lasts + 0.2)
-            time, (along, strength, place) = recording.time, bend(recording)
-            arrived = np.flatnonzero((time > HELD) & (along > ARM.length - END))
-            print(f"  {water} water, {100 * speed:.0f} asked for:", end=" ")
-            if not arrived.size:
-                print(f"the bend does not come to the tip, but to {1e3 * along[time > HELD].max():.0f} mm")
-                continue
-            way = (time >= HELD) & (time <= time[arrived[0]])
-            for words, moving in (("along the arm", along[:, None]), ("in the laboratory", place)):
-                speeds = np.linalg.norm(rate(time, moving), axis=1)[way]
-                off = off_bell((time[way] - HELD) / lasts, speeds / speeds.max())
-                print(f"{words} {100 * speeds.max():.1f} ({speeds.max() / speed - 1:+.0%}), {off:.3f} rms off a bell;", end=" ")
-            track = packet_of(recording, ARM)
-            behind = track.strain[-1, track.places < ARM.length - 2 * END].max() / strength[time <= HELD].max()
-            print(f"then {behind:.0%} of the bend left; {out_of_plane(recording):.2%} of the length out of plane", flush=True)
+    rows = []
+    for speed in (0.1, 0.2, 0.3, 0.4):
+        carried = CarriedBend(speed=speed, offset=HELD, **CARRIED)
+        begin, end = carried.window
+        lasts = PEAK * (end - begin) / speed
+        recording = moved(plant, WATERS["figure 3"], [carried], HELD + lasts + 0.2)
+        time, (along, strength, place) = recording.time, bend(recording)
+        arrived = np.flatnonzero((time > HELD) & (along > ARM.length - END))
+        row = [100 * speed]
+        way = (time >= HELD) & (time <= (time[arrived[0]] if arrived.size else time[-1]))
+        for moving in (along[:, None], place):
+            speeds = np.linalg.norm(rate(time, moving), axis=1)[way]
+            row += [100 * speeds.max(), off_bell((time[way] - HELD) / lasts, speeds / speeds.max())]
+        track = packet_of(recording, ARM)
+        behind = track.strain[-1, track.places < ARM.length - 2 * END].max() / strength[time <= HELD].max()
+        out = np.abs(recording.points[..., 2]).max() / ARM.length
+        rows.append((*row, row[3] / row[0] - 1, 1e3 * along[time > HELD].max(), behind, out))
+    return Table(
+        name="reach",
+        title=f"A bend carried along the arm, {plant}, water of figure 3",
+        note="Speeds in cm/s, the greatest over 50 ms, off what was asked for in the laboratory; bell: root mean square distance from the "
+        f"nearest bell. To: how far the bend comes, mm, of {1e3 * ARM.length:.0f}. Left: the greatest bending strain behind it in the end, "
+        "over that of the bend as it set out. Out of plane: in arm lengths.",
+        columns=("asked for", "along the arm", "bell", "in the laboratory", "bell ", "off", "to", "left", "out of plane"),
+        formats=(".0f", ".1f", ".3f", ".1f", ".3f", "+.0%", ".0f", ".0%", ".2%"),
+        rows=tuple(rows),
+    )
 
 
 def off_bell(time, speeds):
@@ -118,19 +123,26 @@ def travelling(plant, primitives, speed, scene):
 
 
 def packet(plant):
-    print(f"packet on {plant}: speeds in cm/s")
+    rows = []
     for water, scene in WATERS.items():
-        for speed in (0.05, 0.1, 0.2):
-            wave = oc.BendWave(level=0.25, speed=speed, width=5e-3, offset=0.04 / speed, window=WINDOW)
+        for speed, level in PULSES.items():
+            wave = oc.BendWave(level=level, speed=speed, width=5e-3, offset=0.04 / speed, window=WINDOW)
             recording, along, strength, way = travelling(plant, [wave], speed, scene)
             slope, _ = np.polyfit(recording.time[way], along[way], 1)
             most = max(abs(writhe(points)) for points in recording.points[way][::5])
-            print(f"  {water} water, {100 * speed:.0f} asked for: {100 * slope:.1f} ({slope / speed - 1:+.0%}),", end=" ")
-            print(f"bending strain {strength[way].min():.2f} to {strength[way].max():.2f}, |Wr| {most:.3f} at most", flush=True)
+            rows.append((water, 100 * speed, 100 * slope, slope / speed - 1, strength[way].min(), strength[way].max(), most))
+    return Table(
+        name="packet",
+        title=f"Two fronts 40 mm apart, {plant}",
+        note="Speeds in cm/s, of the bend between 30 and 75 % of the arm; its bending strain on that way; greatest |Wr|, turns.",
+        columns=("water", "asked for", "speed", "off", "strain, least", "greatest", "writhe"),
+        formats=("", ".0f", ".1f", "+.0%", ".2f", ".2f", ".3f"),
+        rows=tuple(rows),
+    )
 
 
 def corkscrew(plant):
-    print(f"corkscrew on {plant}")
+    rows = []
     for water, scene in WATERS.items():
         for speed in (0.1, 0.2):
             same = {"speed": speed, "width": 5e-3, "offset": 0.04 / speed, "window": WINDOW}
@@ -142,31 +154,43 @@ def corkscrew(plant):
             twisted, _ = greatest(track.places, turning * ARM.base_radius * ARM.section(track.places).outline)
             apart = np.abs(along - twisted)[way] / ARM.length
             radius = ARM.base_radius * np.interp(along, [0.0, ARM.length], [1.0, 1 / ARM.taper])
-            first, last = ((strength / radius)[way][edge] for edge in (0, -1))
-            print(
-                f"  {water} water, {100 * speed:.0f} cm/s: bend and twist {np.sqrt(np.mean(apart**2)):.1%} of the length apart (rms),",
-                end=" ",
-            )
-            print(f"{apart.max():.1%} at most; curvature from {first:.0f} to {last:.0f} 1/m", flush=True)
+            curvature = (strength / radius)[way]
+            rows.append((water, 100 * speed, np.sqrt(np.mean(apart**2)), apart.max(), curvature[0], curvature[-1]))
+    return Table(
+        name="corkscrew",
+        title=f"Fronts of bend and of twist, {plant}",
+        note="Speeds in cm/s; how far the packets of bend and twist are apart, in arm lengths; its curvature at 30 and at 75 %, 1/m.",
+        columns=("water", "asked for", "apart, rms", "at most", "curvature, first", "last"),
+        formats=("", ".0f", ".1%", ".1%", ".0f", ".0f"),
+        rows=tuple(rows),
+    )
 
 
 def held(plant):
-    print(f"goals that are held or read off bends, on {plant}: misses without feedback and with it")
+    rows = []
     for name, changes in (("tip", []), ("lm-helix", []), ("packet", []), ("packet", STRONG)):
         configuration = tasks.load(name, overrides=[f"run.plant={plant}", *changes])
         plan = oc.plan(configuration)
         runs = [oc.execute(plan, feedback=kind, allow_unsolved=True) for kind in ("open-loop", "tvlqr")]
         checks = [oc.verify(run).checks for run in runs]
+        label = name
         if name == "packet":
             strength = packet_of(runs[0].recording, ARM).amplitude[runs[0].recording.time > plan.phase_begins["middle"]]
-            print(f"  {name}, bending strain {strength.min():.2f} to {strength.max():.2f}:")
+            label = f"{name}, strain {strength.min():.2f} to {strength.max():.2f}"
         asked = {f"{phase.name}.{goal.quantity}" for phase in plan.task.phases for goal in phase.goals}
-        for without, with_it in zip(*checks, strict=True):
-            if without.name in asked:
-                print(
-                    f"  {name}: {without.name} {without.value:.4g}, {with_it.value:.4g} {without.unit} (tolerance {without.limit:g})",
-                    flush=True,
-                )
+        rows += [
+            (label, without.name, without.unit, without.value, with_it.value, without.limit)
+            for without, with_it in zip(*checks, strict=True)
+            if without.name in asked
+        ]
+    return Table(
+        name="held",
+        title=f"Goals that are held or read off bends, {plant}",
+        note="Misses without feedback and with it.",
+        columns=("task", "goal", "unit", "open loop", "tvlqr", "tolerance"),
+        formats=("", "", "", ".4f", ".4f", "g"),
+        rows=tuple(rows),
+    )
 
 
 def main(words):
@@ -174,7 +198,8 @@ def main(words):
     parts = {"reach": reach, "packet": packet, "corkscrew": corkscrew, "held": held}
     for plant in plants:
         for name in [word for word in words if word in parts] or parts:
-            parts[name](plant)
+            found = parts[name](plant)
+            print(found.markdown() if "markdown" in words else found, flush=True)
 
 
 if __name__ == "__main__":
