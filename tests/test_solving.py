@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares, lsq_linear
 
 from octoctrl import tasks
-from octoctrl.planners.asking.primitives import BendWave, Twist
+from octoctrl.planners.asking.primitives import Bend, BendWave, Twist
 from octoctrl.planners.asking.registry import goal
 from octoctrl.planners.asking.schedule import Schedule
 from octoctrl.planners.asking.task import Drive, Phase, Task
@@ -183,6 +183,36 @@ def test_what_was_read_before_changes_nothing_that_is_read_now(model):
         fresh = copy(other)
         fresh.last = fresh.sloped = None
         np.testing.assert_allclose(other.read(x, grid).misses, fresh.read(x, grid).misses, atol=1e-7)
+
+
+def wound(writhe, twist):
+    """One hand, one bend, the other hand, in one phase."""
+    first, second = ("L-OM", "R-OM") if writhe > 0 else ("R-OM", "L-OM")
+    goals = goal("lifted_writhe", value=writhe, tolerance=0.15), goal("twist", value=twist, tolerance=0.1)
+    drives = (
+        Drive(name="store", primitive=Twist(hand=first, level=0.2), begins="wind", free=("level", "rise")),
+        Drive(name="bend", primitive=Bend(side="LM1", level=0.2), begins="wind", free=("level", "rise")),
+        Drive(name="back", primitive=Twist(hand=second, level=0.1), begins="wind", free=("level", "rise")),
+    )
+    return Task(name="wound", phases=(Phase(name="wind", duration=1.8, goals=goals),), drives=drives).on(Arm())
+
+
+def test_one_programme_says_nothing_of_another(model):
+    """From the motion of another programme the iterations would end at roots that nothing leads to, or nowhere."""
+    used, fresh = (Problem(wound(0.9, -0.3), model) for _ in range(2))
+    grid = used.grid(used.start, COARSE)
+    for x in list(Search(used, lambda: False)._samples())[:12]:
+        found, fresh.last = used.read(x, grid, slopes=True), None
+        np.testing.assert_allclose(found.misses, fresh.read(x, grid).misses, atol=1e-4)
+
+
+@pytest.mark.parametrize(("writhe", "twist"), [(-1.298, 0.411), (0.923, -0.255)])
+def test_searches_leave_the_dead_end_of_an_arm_that_does_not_bend(model, writhe, twist):
+    """Straight, it meets the goal of twist; that bending would give it writhe does not show in slopes."""
+    problem = Problem(wound(writhe, twist), model)
+    assert Search(problem, lambda: False).run(problem.start).solved
+    straight = problem.vector({"bend.level": 0.0, "store.level": 0.05})
+    assert Search(problem, lambda: False).promised(straight) == pytest.approx(abs(writhe) / 0.15, abs=0.1)
 
 
 def test_slopes_of_what_was_just_simulated_need_no_simulation(model, monkeypatch):

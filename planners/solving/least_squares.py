@@ -16,7 +16,7 @@ Values = Callable[[Floats], Floats]
 Slopes = Callable[[Floats], tuple[Floats, Floats]]
 
 LARGEST = 3.0
-"""Largest change of an unknown in one iteration, in units of its scale."""
+"""Largest change of an unknown in one iteration, in units of its scale, if nothing else is said."""
 
 SMALLEST = 1e-5
 """Change of all unknowns below which there is nothing left to do."""
@@ -98,6 +98,7 @@ def fit(
     *,
     enough: float = 0.1,
     iterations: int = 15,
+    largest: float = LARGEST,
     stop: Callable[[], bool] = lambda: False,
 ) -> Fit:
     """Bring rows towards zero.
@@ -114,6 +115,8 @@ def fit(
     enough : float
         Ends when no row is larger.
     iterations : int
+    largest : float
+        Change of an unknown in one iteration, in units of its scale.
     stop : callable
         Asked before each iteration whether time is up.
 
@@ -135,7 +138,7 @@ def fit(
             size = np.abs(step).max(initial=0.0)
             if size < SMALLEST:
                 return Fit(x, rows, done)
-            step *= min(1.0, LARGEST / size)
+            step *= min(1.0, largest / size)
             tried = np.clip(x + box.scale * step, box.lower, box.upper)
             found = _cost(values(tried))
             promised = cost - _cost(rows + matrix @ step)

@@ -50,6 +50,9 @@ GUARD, GUARD_SCALE, PASSED = 0.35, 0.1, 0.2
 SLOPE_WORK = 0.15
 """What the derivative by one unknown adds to the work of a step."""
 
+KINDRED = 3.0
+"""Largest difference of unknowns, in units of their scale, up to which a motion is a good guess of another."""
+
 LOST = 50.0
 """What every row says where the model has no solution."""
 
@@ -296,7 +299,8 @@ class Problem:
         for motion in seen:
             if np.array_equal(motion.x, x):
                 return motion.strains
-        near = seen[0].near(x, free) if seen else None
+        # Unknowns that are not known (see `_copy`) are those of the same programme.
+        near = seen[0].near(x, free) if seen and not (np.abs(x - seen[0].x) > KINDRED * self.box.scale).any() else None
         self.work += len(lengths)
         strains = simulate(self.model.step_model, self.present.strains, levels, lengths, near)
         self.last = Motion(x.copy(), grid, strains)

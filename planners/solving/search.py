@@ -1,8 +1,10 @@
 """From a task's own numbers, or from nothing better than chance, to unknowns that meet every goal.
 
 First the task's own numbers. If a fit from there does not meet the goals, random programmes are simulated, coarsely and without slopes,
-ranked by how far they are off, and the best that lie apart are fitted in turn. Several fits that end at one miss prove nothing, so that the
-search goes on until its work is used up. What is found on coarse steps is finished on fine ones: coarse steps flatter.
+and ranked by how far they are off; of the best that lie apart slopes tell what one step would better, and by that they are fitted in turn.
+What is near by chance is often a dead end: of an arm that does not bend nothing says that bending would give it writhe. Careful fits, which
+change little at once, and bold ones take turns, for each finds what the other misses. Several fits that end at one miss prove nothing, so
+that the search goes on until its work is used up. What is found on coarse steps is finished on fine ones: coarse steps flatter.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -11,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .least_squares import fit
+from .least_squares import LARGEST, bounded_step, fit
 from .problem import GUARD_SCALE, Problem, Reading
 
 Floats = NDArray[np.float64]
@@ -22,8 +24,14 @@ COARSE, RANKING, MIDDLE, FINE = 0.15, 0.2, 0.05, 0.02
 ENOUGH = 1 / 3
 """Share of its tolerance that a goal may use on the model; the rest is left to the plant."""
 
-SAMPLES, STARTS, APART = 60, 12, 0.25
-"""Random programmes, how many of them are fitted at most, and how far apart these lie in the unit box."""
+SAMPLES, PROMISING, STARTS, APART = 150, 40, 24, 0.25
+"""Random programmes, of how many of them slopes are asked, how many are fitted at most, and how far apart these lie in the unit box."""
+
+CAREFUL = 1.0
+"""Largest change of an unknown in one iteration of a careful fit, in units of its scale."""
+
+LINEAR, DAMPED = 2.0, 1e-2
+"""How far slopes are trusted that tell what a programme promises, in units of the scale, and the damping of that step."""
 
 WORK = 12000.0
 """Steps of the model, with slopes counted by what they cost, after which no new start is made: some two seconds."""
@@ -101,8 +109,10 @@ class Search:
         """Whether time is up, or the work is used up by half as much again."""
         return self.stop() or self.problem.work > 1.5 * self.work
 
-    def fitted(self, x: Floats, step: float, iterations: int, offset: Floats | float = 0.0) -> Floats:
-        """Unknowns after a fit on steps of `step`, whose number stays what it is at its begin; `offset` is added to the misses."""
+    def fitted(self, x: Floats, step: float, iterations: int, offset: Floats | float = 0.0, largest: float = LARGEST) -> Floats:
+        """Unknowns after a fit on steps of `step`, whose number stays what it is at its begin; `offset` is added to the misses, and
+        `largest` is the largest change in one iteration.
+        """
         problem, grid = self.problem, self.problem.grid(x, step)
 
         def read(tried: Floats, slopes: bool) -> Reading:
@@ -113,7 +123,7 @@ class Search:
             reading = read(tried, True)
             return reading.rows, reading.slopes
 
-        ended = fit(lambda tried: read(tried, False).rows, slopes, x, problem.box, iterations=iterations, stop=self.over)
+        ended = fit(lambda tried: read(tried, False).rows, slopes, x, problem.box, iterations=iterations, largest=largest, stop=self.over)
         self.iterations += ended.iterations
         return ended.x
 
@@ -144,10 +154,10 @@ class Search:
         if self.found is None or reading.worst < self.found.reading.worst:
             self.found = Found(x, reading, self.starts, self.iterations)
 
-    def attempt(self, start: Floats) -> bool:
+    def attempt(self, start: Floats, largest: float = LARGEST) -> bool:
         """Fit from one programme; whether the goals are met now."""
         self.starts += 1
-        x = self.fitted(start, COARSE, 15)
+        x = self.fitted(start, COARSE, 15, largest=largest)
         worst = self.read(x, COARSE).worst
         if self.best is None or worst < self.best[0]:
             self.best = worst, x
@@ -167,9 +177,9 @@ class Search:
         -------
         Found
         """
-        if not self.attempt(first):
-            for start in self.programmes():
-                if self.stop() or self.problem.work > self.work or self.attempt(start):
+        if not (self.attempt(first) or self.attempt(first, CAREFUL)):
+            for index, start in enumerate(self.programmes()):
+                if self.stop() or self.problem.work > self.work or self.attempt(start, LARGEST if index % 2 else CAREFUL):
                     break
         assert self.best is not None
         if self.found is None or not self.found.solved:
@@ -179,7 +189,17 @@ class Search:
 
     def programmes(self) -> list[Floats]:
         """Random programmes that lie apart, the most promising first."""
-        return self.ranked(self._samples())[: STARTS - 1]
+        near = [x for x in self.ranked(self._samples())[:PROMISING] if not self.stop()]
+        return sorted(near, key=self.promised)[:STARTS]
+
+    def promised(self, x: Floats) -> float:
+        """Size of the rows after one bounded step from unknowns, if they were linear, none counted beyond `CAPPED`."""
+        problem, grid = self.problem, self.problem.grid(x, COARSE)
+        reading, box = problem.read(x, grid, True), problem.box
+        matrix, low, high = reading.slopes * box.scale, (box.lower - x) / box.scale, (box.upper - x) / box.scale
+        damping = DAMPED * max(float(np.sum(matrix * matrix)) / len(x), 1e-12)
+        step = bounded_step(matrix, reading.rows, damping, np.maximum(low, -LINEAR), np.minimum(high, LINEAR))
+        return float(np.linalg.norm(np.clip(reading.rows + matrix @ step, -CAPPED, CAPPED)))
 
     def ranked(self, samples: Iterable[Floats]) -> list[Floats]:
         """Those of several programmes that lie apart, the most promising first, as far as there is time to simulate them."""
