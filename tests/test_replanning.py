@@ -177,3 +177,10 @@ def test_replanning_needs_feedback_by_name(coil):
         oc.execute(coil, feedback=lambda _time, _observation: {}, replan=True)
     with pytest.raises(OctoctrlError, match=r"most"):
         Replanning(most=-1)
+
+
+def test_planning_again_begins_from_the_numbers_of_the_plan(coil, seen, again):
+    """Of a plan that the arm follows little is left to search for."""
+    forgetful = replace(coil, report=replace(coil.report, numbers={}))
+    anew = planned_again(forgetful, CLOCK, ("open", "spiral", "cross", "telescope"), *seen, (), 600.0)
+    assert anew.status.solved and again.report.starts == 1 and again.report.iterations < anew.report.iterations

@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import replace
+from itertools import islice
 
 import casadi as ca
 import numpy as np
@@ -201,7 +202,7 @@ def test_one_programme_says_nothing_of_another(model):
     """From the motion of another programme the iterations would end at roots that nothing leads to, or nowhere."""
     used, fresh = (Problem(wound(0.9, -0.3), model) for _ in range(2))
     grid = used.grid(used.start, COARSE)
-    for x in list(Search(used, lambda: False)._samples())[:12]:
+    for x in islice(Search(used, lambda: False)._samples(), 12):
         found, fresh.last = used.read(x, grid, slopes=True), None
         np.testing.assert_allclose(found.misses, fresh.read(x, grid).misses, atol=1e-4)
 

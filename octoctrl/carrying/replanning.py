@@ -164,7 +164,9 @@ def planned_again(plan: Plan, clock: float, ahead: Sequence[str], observation: O
     task, before, begun = _left(plan, clock, ahead)
     present = Present(strains=model.strains(observation), lifted_writhe=lifted_writhe, before=before, clock=clock)
     identified = _identified(plan, model)
-    found = planner.plan(task, identified, present=present, time_limit=time_limit)
+    # What is left of the present phase, and of drives that have begun, stands in the task already.
+    planned = {name: number for name, number in plan.report.numbers.items() if name != f"{ahead[0]}.duration"}
+    found = planner.plan(task, identified, start=planned, present=present, time_limit=time_limit)
     if not found.status.solved and dead and task.drives:
         found = planner.plan(replace(task, drives=(), choose=Choice()), identified, present=present, time_limit=time_limit)
     return _joined(plan, found, begun, ahead)

@@ -186,7 +186,7 @@ def _planned(
     search = Search(problem, late, told)
     first = problem.vector(dict(known) | dict(start))
     # The optimiser itself goes the little way from a plan of a similar task.
-    found = (_nearby(search, first) if known else None) or search.run(first)
+    found = (_nearby(search, first) if known or start else None) or search.run(first)
     if not found.solved and found.reading.worst < NEAR and problem.guarded and not clock.after(SEARCH_SHARE):
         found = _relaxed(search, found)
     clock.lap("search")

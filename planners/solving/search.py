@@ -9,6 +9,7 @@ that the search goes on until its work is used up. What is found on coarse steps
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,11 @@ COARSE, RANKING, MIDDLE, FINE = 0.15, 0.2, 0.05, 0.02
 ENOUGH = 1 / 3
 """Share of its tolerance that a goal may use on the model; the rest is left to the plant."""
 
-SAMPLES, PROMISING, STARTS, APART = 150, 40, 24, 0.25
-"""Random programmes, of how many of them slopes are asked, how many are fitted at most, and how far apart these lie in the unit box."""
+BATCHES = ((30, 10, 4), (120, 30, 20))
+"""Random programmes, of how many of them slopes are asked, and how many are fitted at most: first a few, for most searches end there."""
+
+APART = 0.25
+"""How far apart programmes lie in the unit box."""
 
 CAREFUL = 1.0
 """Largest change of an unknown in one iteration of a careful fit, in units of its scale."""
@@ -187,10 +191,12 @@ class Search:
         assert self.found is not None
         return Found(self.found.x, self.found.reading, self.starts, self.iterations)
 
-    def programmes(self) -> list[Floats]:
-        """Random programmes that lie apart, the most promising first."""
-        near = [x for x in self.ranked(self._samples())[:PROMISING] if not self.stop()]
-        return sorted(near, key=self.promised)[:STARTS]
+    def programmes(self) -> Iterator[Floats]:
+        """Random programmes that lie apart, of each batch the most promising first."""
+        samples = self._samples()
+        for count, promising, starts in BATCHES:
+            near = [x for x in self.ranked(islice(samples, count))[:promising] if not self.stop()]
+            yield from sorted(near, key=self.promised)[:starts]
 
     def promised(self, x: Floats) -> float:
         """Size of the rows after one bounded step from unknowns, if they were linear, none counted beyond `CAPPED`."""
@@ -219,7 +225,7 @@ class Search:
 
     def _samples(self) -> Iterator[Floats]:
         draw, box = np.random.default_rng(self.draw), self.problem.box
-        for _ in range(SAMPLES):
+        while True:
             x = self.problem.start.copy()
             for index, (name, low, high) in enumerate(zip(self.problem.names, box.lower, box.upper, strict=True)):
                 if high <= low:
