@@ -7,6 +7,7 @@ words), or ``published FOLDER`` with the folder of the recorded run (``fig2c.csv
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,9 @@ from assembly import programme
 from assembly_resolution import TRACES, compare, run
 
 from octoctrl.sim.activation import Activation, Plateau
-from octoctrl.sim.assembly.buffer import set_filter_masks
-from octoctrl.sim.assembly.core import AssemblyCore, compiled
+from octoctrl.sim.assembly.core import AssemblyCore
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow as S
-from octoctrl.sim.assembly.meeting_kernels import crews, together
-from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import make_plant
@@ -40,24 +38,12 @@ def families(rods):
 
 def single_steps(plant, activation, count):
     """Velocities of the families (count, rods, nodes, 3) after each of `count` steps at the levels of now."""
-    rods, n = plant.core.rods, plant.elements
     found = sampled(activation, plant.clock.instants(plant.samples, 0), plant.core.partitions, plant.arm.layout)
-    levels = found["arm"][0]
-    tone = plant.core.resting_tone
-    longitudinal = np.full((2, 9, n), tone)
-    longitudinal[:, 1:] = np.maximum(levels[:8], tone)
-    transverse = np.tile(np.maximum(levels[MUSCLE_GROUPS.index("TM")], tone), (2, 1))
-    oblique = np.repeat(found["oblique"][:, 8:10], 2, axis=0)
-    step = compiled(plant.core.grid, plant.core.geometry.inclination, plant.core.paper_compatible)
-    out, seen = (np.empty((1, n + 1, 3)), np.empty((1, n, 3, 3)), np.empty((1, n)), np.empty((1, n))), []
+    held = {name: np.repeat(levels, 2, axis=0) for name, levels in found.items()}
+    one, seen = replace(plant.clock, steps=1), []
     for _ in range(count):
-        if plant.core.paper_compatible:
-            set_filter_masks(rods)
-        levels, numbers = (longitudinal, oblique, transverse), (plant.core._laws, plant.core._drag)
-        rest = rods.ring_index, rods.helix_index, *out, *plant.core._carried(None), (), False
-        (crew,) = crews((whole(plant.core.grid),), rods.flat.dtype)
-        together(step, ((rods.flat, plant.h, 1, *levels, *numbers, *rest, crew),))
-        seen.append(families(rods))
+        plant.core.move(plant.samples, held, one)
+        seen.append(families(plant.core.rods))
     return [np.stack(values) for values in zip(*seen, strict=True)]
 
 

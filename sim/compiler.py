@@ -23,6 +23,9 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, PassManager, register_pass
 from numba.core.typed_passes import NopythonTypeInference
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
+from numpy.typing import NDArray
 
 _log = logging.getLogger(__name__)
 
@@ -110,6 +113,53 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     except RuntimeError:
         _say_that_nothing_is_kept()
     return compiled
+
+
+def by_address(kernels: tuple[Any, ...], *arguments: Any) -> NDArray[np.int64]:
+    """Addresses of kernels that return nothing, compiled for arguments like these, for `call`; before them, what these arguments are.
+
+    A loop that calls other kernels by name is compiled together with all of them, again at every level. By address each kernel is
+    compiled once, for all loops that call it.
+    """
+    return _addresses(kernels, tuple(map(numba.typeof, arguments)))
+
+
+@cache
+def _addresses(kernels: tuple[Any, ...], kinds: tuple[Any, ...]) -> NDArray[np.int64]:
+    results = [item.get_compile_result(types.void(*kinds)) for item in kernels]
+    places = [result.library.get_pointer_to_function(result.fndesc.llvm_func_name) for result in results]
+    return np.array([_number(kinds), *places], dtype=np.int64)
+
+
+def _number(kinds: tuple[Any, ...]) -> int:
+    return int(hashlib.sha256(str(kinds).encode()).hexdigest()[:15], 16)
+
+
+_in_llvm: Any = intrinsic
+
+
+@_in_llvm
+def call(typing: Any, addresses: Any, which: Any, arguments: Any) -> Any:
+    """Call the kernel number `which` of `by_address` with a tuple of arguments, in compiled code.
+
+    Raises
+    ------
+    TypeError
+        If it is compiled for arguments of other types.
+    """
+    kinds = tuple(arguments)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        table = make_array(addresses)(context, builder, values[0]).data
+        with builder.if_then(builder.icmp_signed("!=", builder.load(table), table.type.pointee(_number(kinds))), likely=False):
+            context.call_conv.return_user_exc(builder, TypeError, ("a kernel is called with other types than it is compiled for",))
+        place = builder.load(builder.gep(table, [builder.add(values[1], values[1].type(1))]))
+        kernel = builder.inttoptr(place, context.call_conv.get_function_type(types.none, kinds).as_pointer())
+        given = [builder.extract_value(values[2], k) for k in range(len(kinds))]
+        context.call_conv.call_function(builder, kernel, types.none, kinds, given)
+        return context.get_dummy_value()
+
+    return types.void(addresses, types.int64, arguments), generate
 
 
 @cache

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from octoctrl.sim.compiler import _Index, fingerprint, kernel
+from octoctrl.sim.compiler import _Index, by_address, call, fingerprint, kernel
 
 INNER = """
 from octoctrl.sim.compiler import kernel
@@ -161,6 +161,35 @@ def test_fingerprint_of_a_function_that_calls_itself():
         return 0 if n == 0 else fall(n - 1)
 
     assert fingerprint(fall) == fingerprint(fall)
+
+
+def writer(shift):
+    @kernel
+    def write(out, number):
+        out[0] += number + shift
+
+    return write
+
+
+@kernel
+def in_turn(addresses, out, number):
+    for which in range(addresses.shape[0] - 1):
+        call(addresses, which, (out, number))
+
+
+def test_kernels_are_called_by_address_in_turn():
+    out = np.zeros(1)
+    for shifts in ((1.0,), (2.0, 3.0)):
+        in_turn(by_address(tuple(map(writer, shifts)), out, 10.0), out, 10.0)
+    assert out[0] == 11.0 + 12.0 + 13.0
+    assert len(in_turn.signatures) == 1  # compiled once for them all
+
+
+def test_a_kernel_at_an_address_is_called_with_nothing_that_it_is_not_compiled_for():
+    out = np.zeros(1)
+    with pytest.raises(TypeError, match="called with other types than it is compiled for"):
+        in_turn(by_address((writer(1.0),), out, 10.0), out, np.float32(10.0))
+    assert out[0] == 0.0
 
 
 @pytest.mark.parametrize("options", [{}, {"fastmath": False}])

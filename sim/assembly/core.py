@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..body.anatomy import PLAIN, Traits
 from ..body.arm import Arm
 from ..body.grid import AssemblyGrid
-from ..compiler import BUILDING
+from ..compiler import BUILDING, by_address
 from ..contracts import Floats, Motion, State
 from ..errors import OctoctrlError, OctoctrlWarning, check_choice, check_count, check_number
 from ..findings import Finding, Stop
@@ -37,6 +37,7 @@ from .halves import Halves, OneMemory
 from .layout import AssemblyRow, SlabRow, SpokeRow
 from .meeting_kernels import cores, together
 from .surroundings import surroundings_of
+from .terms import Step
 
 DEFAULT_SHARE, LARGEST_SHARE = 0.82, 0.93
 """Shares of the linear limit that a step takes, and may take: 71 and 80 of 86 microseconds for the published arm.
@@ -322,7 +323,7 @@ class AssemblyCore:
         world: Any = () if around is None else around.world.with_room(samples, strict=not watch)
         memory = self._memory
         with BUILDING:
-            step = compiled(
+            advance, terms = compiled(
                 memory.grid,
                 self.geometry.inclination,
                 self.paper_compatible,
@@ -332,14 +333,16 @@ class AssemblyCore:
             )
         if self.paper_compatible:
             set_filter_masks(rods)
-        given = (
-            self._rounded(self._h), clock.steps, longitudinal, oblique, transverse, self._rounded(self._laws), self._rounded(self._drag),
-        )  # fmt: skip
+        constants = self._rounded(self._h), self._rounded(self._laws), self._rounded(self._drag)
+        carried, shares, outside = self._carried(loads)
+        levels, shape = (longitudinal, oblique, transverse), (points, frames, stretch, volumes)
+        jobs = []
+        for flat, index, crew in memory.workers:
+            step = Step(*constants, *index, outside, memory.world(world))
+            called = by_address(terms, flat, flat[0], step, crew.part)
+            jobs.append((flat, step, called, clock.steps, *levels, *shape, carried, shares, watch, crew))
         with memory.lent():
-            done, finding, family, where, part = together(step, tuple(
-                (flat, *given, *index, points, frames, stretch, volumes, *self._carried(loads), memory.world(world), watch, crew)
-                for flat, index, crew in memory.workers
-            ))  # fmt: skip
+            done, finding, family, where, part = together(advance, tuple(jobs))
         rod, element = self.place(family, memory.where(family, int(where), part)) if finding else ("", 0)
         series = self._volumes(volumes[:done])
         if around is not None:

@@ -5,12 +5,12 @@ inside a sample, as in `octoctrl.sim.rod.stepping`. The guard looks at every ele
 place of the first bad one.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..body.grid import AssemblyGrid
-from ..compiler import kernel
+from ..compiler import call, kernel
 from ..contact.body_kernels import any_moves, drift_bodies
 from ..contact.near_kernels import MOVES, SINKS
 from ..contact.note_kernels import note
@@ -20,7 +20,7 @@ from .meeting_kernels import LEFT, exchange, meet
 from .outside_kernels import outside_kernels
 from .parts import sweep, sweep_open
 from .pressure_kernels import pressure_kernels, slab_offsets
-from .terms import Phase, Phases, Step
+from .terms import Phases
 
 ONE = np.uint64(1)
 FINE, STRETCHED, NOT_A_NUMBER, FAST, SUNK = 0, 1, 3, 4, 7
@@ -31,43 +31,36 @@ SPEED_LIMIT = 10.0
 """Fastest velocity component (m/s) that can be meant: the strike of a squid, the fastest of its kind, reaches 3 m/s."""
 
 
-@kernel
-def _nothing(b: Any, share: Any, step: Any, where: Any) -> None:
-    pass
+class Turn(NamedTuple):
+    """When a term is done.
+
+    Attributes
+    ----------
+    stage : int
+        What parts exchange before it; -1 for nothing.
+    alone : bool
+        Whether all wait before and after it.
+    term : int
+        Which, of all terms of a step; -1 for none.
+    """
+
+    stage: int
+    alone: bool
+    term: int
 
 
-def in_order(terms: list[Any]) -> Any:
-    """One kernel ``(buffer, share, step, where)`` that goes through `terms`."""
-    if not terms:
-        return _nothing
-    if len(terms) == 1:
-        return terms[0]
-    half = len(terms) // 2
-    before, after = in_order(terms[:half]), in_order(terms[half:])
-
-    @kernel
-    def both(b: Any, share: Any, step: Any, where: Any) -> None:
-        before(b, share, step, where)
-        after(b, share, step, where)
-
-    return both
-
-
-def phase_of(phase: Phase) -> Any:
-    """One kernel ``(buffer, share, step, crew)`` that does the terms of a phase on a thread's part, when it knows what they read."""
-    stage, exchanges, alone, work = int(phase.stage or 0), phase.stage is not None, phase.alone, in_order(list(phase.terms.values()))
-
-    @kernel
-    def do(b: Any, share: Any, step: Any, crew: Any) -> None:
-        if exchanges:
-            exchange(b, crew, stage)
-        if alone:
-            meet(crew)
-        work(b, share, step, crew.part)
-        if alone:
-            meet(crew)
-
-    return do
+def turns_of(phases: Phases) -> tuple[tuple[Turn, ...], tuple[Any, ...]]:
+    """The turns of a step, and the terms that have one."""
+    turns, terms = [], []
+    for phase in phases:
+        stage = -1 if phase.stage is None else int(phase.stage)
+        for term in phase.terms.values():
+            turns.append(Turn(stage, phase.alone, len(terms)))
+            terms.append(term)
+            stage = -1
+        if stage >= 0:
+            turns.append(Turn(stage, phase.alone, -1))
+    return tuple(turns), tuple(terms)
 
 
 def mover(grid: AssemblyGrid) -> Any:
@@ -115,7 +108,8 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
     straighten = sweep_open(grid, family_kernels(grid, False)["straighten"])
     straighten_rings = sweep(grid, "rings", family_kernels(grid, True)["straighten"])
     LOW = tuple(o[f"LOW{i}"] for i in (1, 2, 3))
-    force, move, measure = in_order([phase_of(terms) for terms in phases]), mover(grid), pressure_kernels(grid, False)[0]
+    turns, terms = turns_of(phases)
+    move, measure = mover(grid), pressure_kernels(grid, False)[0]
 
     @kernel
     def set_levels(b: Any, part: Any, row: Any, ring_row: Any, longitudinal: Any, oblique: Any, transverse: Any) -> None:
@@ -207,32 +201,39 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
             volumes[element] = b[VOLUME + k]
 
     @kernel
+    def force(b: Any, share: Any, step: Any, crew: Any, terms: Any) -> None:
+        for turn in turns:
+            if turn.stage >= 0:
+                exchange(b, crew, turn.stage)
+            if turn.alone:
+                meet(crew)
+            if turn.term >= 0:
+                call(terms, turn.term, (b, share, step, crew.part))
+            if turn.alone:
+                meet(crew)
+
+    @kernel
     def advance(
         b: Any,
-        h: Any,
+        step: Any,
+        terms: Any,
         steps: Any,
         longitudinal: Any,
         oblique: Any,
         transverse: Any,
-        laws: Any,
-        drag: Any,
-        ring_index: Any,
-        helix_index: Any,
         points: Any,
         frames: Any,
         stretch: Any,
         volumes: Any,
         loads: Any,
         shares: Any,
-        outside: Any,
-        world: Any,
         watch: Any,
         crew: Any,
     ) -> Any:  # fmt: skip
         meet(crew)
         if crew.counts[LEFT]:
             return 0, FINE, 0, 0, 0
-        step, part = Step(h, laws, drag, ring_index, helix_index, outside, world), crew.part
+        h, world, outside, part = step.h, step.world, step.outside, crew.part
         for sample in range(points.shape[0]):
             set_levels(b, part, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
             set_levels(b, part, AFTER, RING_AFTER, longitudinal[sample + 1], oblique[sample + 1], transverse[sample + 1])
@@ -246,7 +247,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
                         look(b, world, np.float64(LOOK * h))
                 if loaded:
                     find(b, part, outside, shares, loads[sample], loads[sample + 1], (number + 0.5) / steps)
-                force(b, real((number + 0.5) / steps), step, crew)
+                force(b, real((number + 0.5) / steps), step, crew, terms)
                 move(b, part, h if number + 1 < steps else 0.5 * h)
                 if touching and crew.number == 0 and world.seen[MOVES]:
                     drift_bodies(world.bodies, np.float64(h if number + 1 < steps else 0.5 * h))
@@ -268,4 +269,4 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
                 return sample + 1, SUNK, 0, ONE, 0
         return points.shape[0], FINE, 0, 0, 0
 
-    return advance
+    return advance, terms
