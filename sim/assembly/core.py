@@ -61,8 +61,8 @@ def compiled(
     traits: Traits = PLAIN,
     loaded: bool = False,
     touching: bool = False,
-) -> Callable[..., Any]:
-    """The compiled loop of an assembly, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
+) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+    """The compiled loop of an assembly and its terms, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
     from .contact_kernels import contact_kernels
     from .hydrostat_terms import hydrostat_terms
     from .published_contact_kernels import published_contact_kernels

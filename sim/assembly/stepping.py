@@ -76,19 +76,21 @@ def mover(grid: AssemblyGrid) -> Any:
     return move
 
 
-def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, look: Any = None) -> Any:
+def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, look: Any = None) -> tuple[Any, tuple[Any, ...]]:
     """Compile the loop of an assembly; `look` is what watches for bodies, if there are any.
 
     Returns
     -------
     advance : compiled function
-        ``advance(buffer, h, steps, longitudinal, oblique, transverse, laws, drag, ring_index, helix_index, points, frames, stretch,
-        volumes, loads, shares, outside, world, watch, crew)`` with levels (samples + 1, straight rods, N), the cord's first, (samples + 1,
-        2, helix elements) and (samples + 1, N), linear in time between samples; `loads` as in `octoctrl.sim.scene.loads.sampled_loads`, of
-        which each straight rod carries its `shares` (straight rods, N + 1); for the others see `Step`; `watch` asks for the guard at
-        every step; `crew` is the `octoctrl.sim.assembly.meeting_kernels.Crew` of the thread. Of loads and bodies nothing is compiled where
-        there are none. Fills the cord's nodes, frames and stretch and the slabs' volumes, (samples, N), of its part; returns ``(samples
-        done, finding, family, index in row, part)``, the same in all threads.
+        ``advance(buffer, step, terms, steps, longitudinal, oblique, transverse, points, frames, stretch, volumes, loads, shares, watch,
+        crew)`` takes so many `steps`, each a `Step` given to the terms at their addresses, for each sample, with levels (samples + 1,
+        straight rods, N), the cord's first, (samples + 1, 2, helix elements) and (samples + 1, N), linear in time between samples; `loads`
+        as in `octoctrl.sim.scene.loads.sampled_loads`, of which each straight rod carries its `shares` (straight rods, N + 1); `watch`
+        asks for the guard at every step; `crew` is the `octoctrl.sim.assembly.meeting_kernels.Crew` of the thread. Of loads and bodies
+        nothing is compiled where there are none. Fills the cord's nodes, frames and stretch and the slabs' volumes, (samples, N), of its
+        part; returns ``(samples done, finding, family, index in row, part)``, the same in all threads.
+    terms : tuple of compiled functions
+        Which the loop calls through their addresses, see `octoctrl.sim.compiler.by_address`.
     """
     o, g = family_offsets(grid, False), family_offsets(grid, True)
     lanes, ring_nodes, helices = grid.lanes, grid.ring_nodes, grid.helices
