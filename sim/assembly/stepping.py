@@ -51,7 +51,8 @@ class Turn(NamedTuple):
 
 def turns_of(phases: Phases) -> tuple[tuple[Turn, ...], tuple[Any, ...]]:
     """The turns of a step, and the terms that have one."""
-    turns, terms = [], []
+    turns: list[Turn] = []
+    terms: list[Any] = []
     for phase in phases:
         stage = -1 if phase.stage is None else int(phase.stage)
         for term in phase.terms.values():
