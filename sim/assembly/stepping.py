@@ -50,7 +50,7 @@ class Turn(NamedTuple):
 
 
 def turns_of(phases: Phases) -> tuple[tuple[Turn, ...], tuple[Any, ...]]:
-    """The turns of a step, and the terms that have one."""
+    """The turns of a step of such `phases`, and the terms that have one."""
     turns: list[Turn] = []
     terms: list[Any] = []
     for phase in phases:
