@@ -78,7 +78,17 @@ def mover(grid: AssemblyGrid) -> Any:
 
 
 def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, look: Any = None) -> tuple[Any, tuple[Any, ...]]:
-    """Compile the loop of an assembly; `look` is what watches for bodies, if there are any.
+    """Compile the loop of an assembly.
+
+    Parameters
+    ----------
+    grid : AssemblyGrid
+    phases : Phases
+        Of a step.
+    loaded : bool
+        Whether loads act from outside.
+    look : compiled function, optional
+        What watches for bodies, if there are any.
 
     Returns
     -------
