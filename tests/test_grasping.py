@@ -18,6 +18,7 @@ from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve, shared_level
 from octoctrl.planners.contracts import ClockReading
 from octoctrl.planners.following.gripping import Gripping
+from octoctrl.planners.solving.free_shapes import free_points, turns_near
 from octoctrl.planners.solving.grasping import (
     check_objects,
     grasp_drives,
@@ -203,6 +204,26 @@ def test_a_survey_looks_to_all_sides_before_the_nearest_point(place):
     longer = replace(ARM, length=2 * ARM.length)
     twice = grasp_region(task, longer, oc.Scene(objects=(replace(item, position=(0.0, 2 * place, 0.04)),)))
     assert twice["swing.stop"] == pytest.approx(2 * np.array(region["swing.stop"]), abs=5e-3)
+
+
+def test_a_free_shape_is_that_of_the_rod_and_near_turns_are_those_of_a_recording():
+    arm, curve = oc.tasks.load("grasp").arm, TwistCurve(levels=(0.0, 0.02), turns=(0.0, 1.58))
+    lean, twist = Swing(azimuth=0.9, level=0.15, start=0.02, stop=0.05), StoreTwist(turns=0.15, stop=0.1, curve=curve)
+    curl = Curl(azimuth=-1.0, level=0.5, profile=0.8, start=0.08, stop=0.1967, apex=0.2 * 12 / 11)
+    item = Capsule(name="post", radius=6e-3, length=0.08, position=(0.03, 0.16, 0.03), axis=(0.2, 0, 1))
+    plant = oc.make_plant("rod", arm, oc.Scene(objects=(item,)), record_every=20)
+    activation = schedule_of((lean, twist, curl), 4.0).activation()
+    recording = plant.advance(activation, 4.0)
+    hold = hold_in(RecordedOutputs(recording, None, arm), "post")
+    assert not hold.touch.loaded.any()
+    levels = activation.levels([4.0], arm.edges)
+    points = free_points(np.repeat(levels, 2, axis=0), arm, curve)
+    np.testing.assert_array_equal(points[0], points[1])
+    np.testing.assert_allclose(points[0], recording.points[-1], atol=0.02)
+    off = np.sqrt(((points[0] - recording.points[-1]) ** 2).sum(axis=1).mean())
+    mirrored = free_points(activation.levels([4.0], arm.edges)[:, ::-1], arm, curve)
+    assert off < 0.012 < np.sqrt(((mirrored[0] - recording.points[-1]) ** 2).sum(axis=1).mean())
+    np.testing.assert_allclose(turns_near(recording.points[-1:], arm, item), np.abs(hold.near[-1:]), rtol=0.02)
 
 
 def test_what_is_too_thick_for_the_arm_is_refused_before_anything_moves():

@@ -20,7 +20,8 @@ from octoctrl.planners.asking.wrapping import TwistCurve
 from octoctrl.planners.contracts import Primitive
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.planners.solving.cross_entropy import Candidate, Searched, Unknowns, search, survey
-from octoctrl.planners.solving.grasping import check_objects, grasp_drives, grasp_region, objects_held, too_short
+from octoctrl.planners.solving.free_shapes import free_points, turns_near
+from octoctrl.planners.solving.grasping import check_objects, grasp_drives, grasp_region, grasped, objects_held, too_short
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.body.arm import Arm
@@ -32,7 +33,7 @@ from octoctrl.sim.scene.scene import Scene
 from ..progress import NullProgress, Progress
 from .calibrating import twist_curve
 from .checking import Findings, Programme, begins_of, by_scenario, checked, refused
-from .trials import HOPELESS, Stage, plant_for
+from .trials import HOPELESS, Stage, plant_for, schedule_of
 
 SEARCHED_ON = "rod"
 """The plant on which is searched."""
@@ -44,8 +45,9 @@ POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
 """Trials of a round, rounds of a phase at most; how often it begins anew, and after how many rounds of each of these the best goes on
 alone. A search that has lost its way does not find it again; another one may."""
 
-SURVEYED, FAR = 60, 1.0
-"""Trials of a survey, and how far apart the searches begin that follow it, in first spreads."""
+DRAWN, SURVEYED, FAR = 400, 40, 1.0
+"""Programmes that are drawn for a survey, how many of them it tries, and how far apart the searches that follow it begin, in first
+spreads."""
 
 CANDIDATES, APART = 3, 0.6
 """Candidates that are checked on the plant, and how far apart they lie, in first spreads."""
@@ -255,12 +257,16 @@ def _stage(
 
 
 def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]], seed: int) -> Searched:
-    """What is found by looking round a region, as planned alone."""
+    """What is found in a region, as planned alone: of many programmes those are tried that would go round the object in free water."""
     low, high = np.array([region[name] for name in stage.unknowns.names]).T
-    around = replace(stage.unknowns, low=np.maximum(low, stage.unknowns.low), high=np.minimum(high, stage.unknowns.high))
+    drawn = np.random.default_rng(work.seed + seed).uniform(low, high, size=(DRAWN, len(low)))
+    end, edges = stage.begins[stage.phases[-1].name] + stage.phases[-1].duration, work.arm.edges
+    levels = np.array([schedule_of(stage.primitives(x), end).activation().levels([end], edges)[0] for x in drawn])
+    near = turns_near(free_points(levels, work.arm, stage.curve), work.arm, grasped(stage.task, work.scene))
+    tried = drawn[np.argsort(-near, kind="stable")[:SURVEYED]]
     work.progress.start(f"looking round for phase '{stage.name}'", float(SURVEYED))
     try:
-        found = survey(stage, around, work.executor, count=SURVEYED, seed=work.seed + seed, stop=work.over, progress=work.progress)
+        found = survey(stage, stage.unknowns, list(tried), work.executor, seed=work.seed + seed, stop=work.over, progress=work.progress)
     finally:
         work.progress.stop()
     return _heeded(found, work)

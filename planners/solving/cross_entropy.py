@@ -177,25 +177,25 @@ class Tell(Protocol):
 
 def survey(
     judge: Callable[[Floats, float], Judgement],
-    region: Unknowns,
+    unknowns: Unknowns,
+    tried: Sequence[Floats],
     executor: Executor,
     *,
-    count: int,
     seed: int = 0,
     stop: Callable[[], bool] = lambda: False,
     progress: Tell | None = None,
 ) -> Searched:
-    """Look round a region for places from which to search: its mean, and numbers drawn evenly from all of it.
+    """Look at numbers that are given for places from which to search.
 
     Parameters
     ----------
     judge : callable
         As of `search`; it is told that no price is worth knowing in full, so that it leaves off as soon as it knows anything.
-    region : Unknowns
+    unknowns : Unknowns
+    tried : sequence of (n,) float64
     executor : Executor
-    count : int
-        Of all that is tried.
     seed : int
+        By which they were drawn.
     stop : callable
         Whether time is up.
     progress : Tell, optional
@@ -204,17 +204,10 @@ def survey(
     -------
     Searched
         Without rounds, also when it is interrupted.
-
-    Raises
-    ------
-    OctoctrlError
-        If the count is out of range.
     """
-    check_count("count", count, at_least=1)
-    drawn = np.random.default_rng(seed).uniform(region.low, region.high, size=(count - 1, len(region.mean)))
-    found, processor, began = Searched(unknowns=region, seed=seed, ended="all were tried", worth=-np.inf), process_time(), perf_counter()
+    found, processor, began = Searched(unknowns=unknowns, seed=seed, ended="all were tried", worth=-np.inf), process_time(), perf_counter()
     try:
-        _judged(judge, found.worth, [region.within(region.mean), *drawn], executor, found, stop, progress)
+        _judged(judge, found.worth, list(map(unknowns.within, tried)), executor, found, stop, progress)
     except KeyboardInterrupt:
         found.ended = "interrupted"
     found.processor, found.wall = process_time() - processor, perf_counter() - began

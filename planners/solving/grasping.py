@@ -131,7 +131,7 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene) -> Task:
     OctoctrlError
         If no goal is of covered winding.
     """
-    place, _, azimuth = nearest(arm, _grasped(task, scene))
+    place, _, azimuth = nearest(arm, grasped(task, scene))
     first = task.phases[0].name
     scale = arm.length / 0.2
     curl = Curl(azimuth=azimuth, level=LEVEL, profile=PROFILE, start=max(place - BEFORE * scale, 0.0), speed=SPEED * scale)
@@ -150,7 +150,7 @@ def grasp_region(task: Task, arm: Arm, scene: Scene) -> dict[str, tuple[float, f
 
     Leans go to all sides, and the curl towards the object, from a little before the nearest point to a little beyond it.
     """
-    place, _, azimuth = nearest(arm, _grasped(task, scene))
+    place, _, azimuth = nearest(arm, grasped(task, scene))
     scale = arm.length / 0.2
     leans = max(place + 0.01 * scale, 0.06 * scale)
     return {
@@ -169,8 +169,14 @@ def grasp_region(task: Task, arm: Arm, scene: Scene) -> dict[str, tuple[float, f
     }
 
 
-def _grasped(task: Task, scene: Scene) -> RigidObject:
-    """The object of a task's first goal of covered winding."""
+def grasped(task: Task, scene: Scene) -> RigidObject:
+    """The object of a task's first goal of covered winding.
+
+    Raises
+    ------
+    OctoctrlError
+        If no goal is of covered winding.
+    """
     wanted = [goal for phase in task.phases for goal in phase.goals if isinstance(goal, CoveredWindingGoal)]
     if not wanted:
         raise OctoctrlError(f"task '{task.name}': drives can be chosen for a grasp only, by a goal of covered_winding; give drives")
