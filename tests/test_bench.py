@@ -254,3 +254,20 @@ def test_tracking_tells_how_far_the_plant_is_from_the_plan():
     run = execute(plan("twist"), feedback="open-loop")
     error = np.sqrt(np.mean((run.trace.twist - run.planned.twist) ** 2))
     assert rows[0]["twist rms"] == pytest.approx(error) and 0 < error < 0.05 and rows[0]["within"] == "yes"
+
+
+def test_what_a_correction_costs_is_timed_without_changing_it():
+    from octoctrl.bench.correcting import Timed, correcting
+    from octoctrl.carrying.execution import controller, execute
+    from octoctrl.carrying.planning import plan
+
+    table = correcting(names=["twist"])
+    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    assert [row["feedback"] for row in rows] == ["tvlqr", "mpc"] and rows[0]["fallbacks"] is None
+    made = plan("twist")
+    timed = Timed(controller("tvlqr", made))
+    run, usual = execute(made, feedback=timed), execute(made, feedback="tvlqr")
+    np.testing.assert_array_equal(run.recording.points, usual.recording.points)
+    assert len(timed.seconds) == rows[0]["periods"] + 1
+    for row in rows:
+        assert 0 < row["median [ms]"] <= row["P90 [ms]"] <= row["max [ms]"]

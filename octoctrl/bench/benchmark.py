@@ -34,6 +34,7 @@ PARTS = {
     "plans": ("octoctrl.bench.planning", "plans"),
     "choice": ("octoctrl.bench.planning", "choice"),
     "following": ("octoctrl.bench.planning", "following"),
+    "correcting": ("octoctrl.bench.correcting", "correcting"),
     "tracking": ("octoctrl.bench.tracking", "tracking"),
 }
 """Module and function of each part."""
