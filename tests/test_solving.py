@@ -216,6 +216,18 @@ def test_searches_leave_the_dead_end_of_an_arm_that_does_not_bend(model, writhe,
     assert Search(problem, lambda: False).promised(straight) == pytest.approx(abs(writhe) / 0.15, abs=0.1)
 
 
+def test_misses_are_evened_out_where_one_is_near_its_tolerance(model):
+    """Two goals that cannot both be met, one twice as tight: the sums of squares and of sixth powers of what they miss, in closed form."""
+    phase = wound(0.9, 0.0).phases[0]
+    twists = goal("twist", value=-0.3, tolerance=0.1), goal("twist", value=-0.1, tolerance=0.2)
+    drive = Drive(name="store", primitive=Twist(hand="R-OM", level=0.1), begins="wind", free=("level", "rise"))
+    problem = Problem(Task(name="torn", phases=(replace(phase, goals=twists),), drives=(drive,)).on(Arm()), model)
+    search = Search(problem, lambda: False)
+    x, reading = search.finished(search.fitted(problem.start, COARSE, 15, largest=0.5))
+    _, evened = search.evened(x, reading)
+    assert reading.worst == pytest.approx(0.8, abs=0.02) and evened.worst == pytest.approx(0.2 / (0.2 + 0.1 * 0.5**0.2), abs=0.005)
+
+
 def test_slopes_of_what_was_just_simulated_need_no_simulation(model, monkeypatch):
     count = 0
 
