@@ -8,7 +8,7 @@ from conftest import ROOT
 from matplotlib.colors import rgb_to_hsv
 
 import octoctrl as oc
-from octoctrl.carrying import calibrating, searching
+from octoctrl.carrying import calibrating, searching, tugging
 from octoctrl.carrying.searching import plan_by_search
 from octoctrl.carrying.trials import schedule_of
 from octoctrl.carrying.tugging import tugs
@@ -473,6 +473,14 @@ def test_a_plan_that_one_scenario_loses_is_not_called_held(hold, monkeypatch):
     assert found.status is PlanStatus.FRAGILE and found.status.solved
     assert found.report.reason == "lost in 1 of 3 scenarios on the plant 'rod'"
     assert found.report.tried[-1].startswith("the plan on the plant 'rod': worst goal in tolerances, by scenario: 0.00, ")
+
+
+def test_a_plan_whose_tug_tears_the_arm_apart_is_held_all_the_same(hold, monkeypatch):
+    monkeypatch.setattr(tugging, "ACROSS", 20.0)
+    found, _ = as_given(hold, monkeypatch, scenarios=(PLANNED,), free=())
+    assert found.status is PlanStatus.HELD
+    (said,) = (line for line in found.report.tried if line.startswith("tug at 'post'"))
+    assert said.startswith("tug at 'post': stopped at t=5.0"), said
 
 
 def test_a_plan_survives_its_file(searched, tmp_path):

@@ -7,8 +7,9 @@ from octoctrl.laboratory.trials import draw
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import PlantUnstableError
+from octoctrl.sim.findings import Finding
 from octoctrl.sim.plants import Plant
-from octoctrl.sim.rod.diagnosis import FEWEST, alternation, substeps
+from octoctrl.sim.rod.diagnosis import FEWEST, alternation, explained, substeps
 from octoctrl.sim.rod.elastic import RodSimulation
 from octoctrl.sim.rod.layout import Row
 from octoctrl.sim.rod.rod import Rod
@@ -103,3 +104,9 @@ def test_substeps_meet_the_samples_and_are_linear_in_between():
     fine = substeps(levels, 5)
     assert len(fine) == 16 and np.array_equal(fine[::5], levels)
     assert fine[7] == pytest.approx(0.6 * levels[1] + 0.4 * levels[2])
+
+
+@pytest.mark.parametrize("unstable", [True, False, None])
+def test_a_remedy_is_named_once(unstable):
+    for finding in Finding:
+        assert str(explained(1.0, 3, finding, unstable)).count("halve dt") <= 1, finding

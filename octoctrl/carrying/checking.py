@@ -201,7 +201,11 @@ def _tugged(made: Plan, plant: str) -> list[str]:
     moved = plant_for(plant, made.arm, made.scene, KEPT)
     said = []
     for name in sorted(held_at_the_end(made.task)):
-        found = tugs(moved, made.schedule.activation(), name, model=plant)
+        try:
+            found = tugs(moved, made.schedule.activation(), name, model=plant)
+        except PlantUnstableError as error:  # the plan has been carried out before it
+            said.append(f"tug at '{name}': {error}")
+            continue
         said += [f"tug at '{name}' {word} {'its axis' if word == 'along' else 'it'}: {tug}" for word, tug in found.items()]
     return said
 

@@ -25,7 +25,8 @@ def explained(time: float, element: int, finding: Finding, unstable: bool | None
     if unstable:
         cause = "most likely a sudden load or activation - smooth it (ramp >= 20 ms) or halve dt"
     else:
-        cause = finding.remedy + ("" if unstable is False else ", or halve dt")
+        known = unstable is False or finding.remedy.endswith("halve dt")
+        cause = finding.remedy + ("" if known else ", or halve dt")
     return Stop(time=time, rod="arm", element=element, finding=finding, unstable=unstable, cause=cause)
 
 
