@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from octoctrl.judging.comparison import compare
 from octoctrl.pictures.plots import LEAST_RANGE, OVER_TIME, PANELS, draw_over_time, plot
+from octoctrl.planners.asking.wrapping import Curl, Swing
 from octoctrl.sim.errors import OctoctrlError
 
 
@@ -106,3 +107,20 @@ def test_rounding_does_not_look_like_motion(coil_run, factor, least, most):
     draw_over_time([axes], coil_run, replace(made, **small), names=("twist",))
     low, high = axes.get_ylim()
     assert low < 0 < high and least <= high - low < most
+
+
+def test_a_drive_at_level_zero_is_drawn_as_using_no_muscle(coil_plan):
+    schedule = replace(coil_plan.schedule, primitives=(*coil_plan.schedule.primitives, Swing(level=0.0)))
+    run = coil_execution(coil_plan)
+    figure = plot(replace(run, plan=replace(coil_plan, schedule=schedule)), panels="activation")
+    assert "Swing\nno muscle, peak 0.00" in drawn(figure)
+
+
+def test_what_is_filled_is_what_the_plan_activates(coil_plan):
+    """Of a wave the level behind its front, which has not set out yet, lies before its window."""
+    curl = Curl(level=0.3, start=0.05, stop=0.19, speed=0.05, onset=1.0, apex=0.22)
+    schedule = replace(coil_plan.schedule, primitives=(curl,))
+    run = replace(coil_execution(coil_plan), plan=replace(coil_plan, schedule=schedule))
+    axes = plot(run, panels="activation").axes[-1]
+    heights = axes.collections[0].get_paths()[0].vertices
+    assert heights[heights[:, 0] < 0.9, 1].max() < 0.01 < 0.8 < heights[:, 1].max()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, check_choice
 from octoctrl.sim.running.recording import Recording
@@ -186,18 +187,16 @@ def _draw_activations(axes: "Axes", execution: Execution) -> None:
     labels = names if len(names) == len(rows) else [type(primitive).__name__ for primitive in rows]
     edges, said = execution.plan.arm.edges, []
     for row, primitive in enumerate(rows):
-        groups = tuple(dict.fromkeys(group for template in primitive.templates() for group in template.groups))
-        index = [MUSCLE_GROUPS.index(group) for group in groups]
-        applied = recording.levels[:, index].max(axis=(1, 2))
-        planned = np.zeros(recording.time.size)
-        for template in primitive.templates():
-            value = np.asarray(template.values(np, execution.clock[:, None], edges[:-1], edges[1:]), dtype=float)
-            planned = np.maximum(planned, np.broadcast_to(value, (recording.time.size, edges.size - 1)).max(axis=1))
+        alone = Activation(templates=primitive.templates(), on_saturation="clip")
+        groups, index = alone.groups, [MUSCLE_GROUPS.index(group) for group in alone.groups]
+        # A drive at level zero uses no muscle.
+        applied = recording.levels[:, index].max(axis=(1, 2), initial=0.0)
+        planned = alone.levels(execution.clock, edges).max(axis=(1, 2))
         base, height = -row, 0.82 / max(planned.max(), applied.max(), 1e-9)
-        colour = _GROUP_COLOURS.get(groups[0], COLOURS["writhe"])
+        colour = _GROUP_COLOURS.get(next(iter(groups), ""), COLOURS["writhe"])
         axes.fill_between(recording.time, base, base + height * planned, color=colour, alpha=0.3, lw=0)
         axes.plot(recording.time, base + height * applied, color=colour, lw=1.5)
-        what = "+".join(dict.fromkeys("LM" if group in LONGITUDINAL_GROUPS else group for group in groups))
+        what = "+".join(dict.fromkeys("LM" if group in LONGITUDINAL_GROUPS else group for group in groups)) or "no muscle"
         said.append(f"{labels[row].replace('_', ' ')}\n{what}, peak {applied.max():.2f}")
     axes.set_yticks([0.35 - row for row in range(len(labels))], said, fontsize=7.5, parse_math=False)
     axes.tick_params(axis="y", length=0)

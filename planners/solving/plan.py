@@ -240,7 +240,7 @@ class Plan(Record):
         names += [""] * (len(self.schedule.primitives) - len(names))
         for name, primitive in zip(names, self.schedule.primitives, strict=False):
             groups = "+".join(dict.fromkeys(group for template in primitive.templates() for group in template.groups))
-            groups = groups.replace("LM1+LM2+LM3+LM4+LM5+LM6+LM7+LM8", "all LM")
+            groups = groups.replace("LM1+LM2+LM3+LM4+LM5+LM6+LM7+LM8", "all LM") or "-"
             numbers = [getattr(primitive, key, np.nan) for key in ("level", "onset", "rise", "offset")]
             cells = "".join(f"{number:8.2f}" if np.isfinite(number) else "       -" for number in numbers)
             lines.append(f"  {name:{width}}{type(primitive).__name__:11}{groups:11}{cells}")
