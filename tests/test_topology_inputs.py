@@ -289,3 +289,8 @@ def packet(frames, arclength, smoothing, window):
 
 def series_of(trace):
     return tuple(getattr(trace, name) for name in ("time", "link", "writhe", "twist", "lifted_writhe", "crossings", "uturn", "residual"))
+
+
+def test_more_crossings_than_can_be_counted_are_refused():
+    with pytest.raises(OctoctrlError, match=r"^crossings holds 1e\+200; whole numbers up to 9.0072e\+15 are needed$"):
+        TopologyTrace.from_lifted(time=range(4), lifted_writhe=np.zeros(4), twist=np.zeros(4), crossings=np.full(4, 1e200))

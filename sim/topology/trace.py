@@ -18,6 +18,8 @@ Integers = NDArray[np.int64]
 UTURN_LIMIT = 0.15
 """Below this value of 1 + t_tip . t_base the two end rays nearly coincide and writhe is decided by noise."""
 
+MOST_CROSSINGS = 2.0**53
+"""Beyond this, whole numbers are no longer told apart in double precision."""
 _FLOAT_SERIES = ("time", "link", "writhe", "twist", "lifted_writhe", "residual")
 _ALLOWED = {np.int64: "whole numbers", np.bool_: "true or false"}
 
@@ -310,6 +312,8 @@ def _store(trace: TopologyTrace, name: str, values: ArrayLike, dtype: type[np.ge
     array = numbers(name, values)
     if array.ndim != 1:
         raise OctoctrlError(f"{name} has shape {array.shape}; one value per time is needed")
+    if dtype is np.int64 and np.any(beyond := np.abs(array) > MOST_CROSSINGS):
+        raise OctoctrlError(f"{name} holds {array[beyond][0]:g}; whole numbers up to {MOST_CROSSINGS:g} are needed")
     stored = array.astype(dtype)
     if np.any(stored != array):
         raise OctoctrlError(f"{name} holds {array[stored != array][0]:g}; {_ALLOWED[dtype]} are needed")
