@@ -6,8 +6,9 @@ on the seed alone, not on who judges them, or when. Whoever judges is told the p
 among the best of the round before, and may then leave off. A search goes downhill from where it begins; where that is, a survey may say.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import perf_counter, process_time
 from typing import Any, Protocol
@@ -205,12 +206,9 @@ def survey(
     Searched
         Without rounds, also when it is interrupted.
     """
-    found, processor, began = Searched(unknowns=unknowns, seed=seed, ended="all were tried", worth=-np.inf), process_time(), perf_counter()
-    try:
+    found = Searched(unknowns=unknowns, seed=seed, ended="all were tried", worth=-np.inf)
+    with _counted(found):
         _judged(judge, found.worth, list(map(unknowns.within, tried)), executor, found, stop, progress)
-    except KeyboardInterrupt:
-        found.ended = "interrupted"
-    found.processor, found.wall = process_time() - processor, perf_counter() - began
     return found
 
 
@@ -264,10 +262,10 @@ def search(
     check_count("population", population, at_least=2)
     check_count("rounds", rounds, at_least=1)
     check_count("elite", elite, at_least=1)
-    draw, began, processor = np.random.default_rng(seed), perf_counter(), process_time()
+    draw = np.random.default_rng(seed)
     found = after or Searched(unknowns=unknowns, seed=seed, mean=unknowns.within(unknowns.mean), spread=unknowns.spread.copy())
     found.ended, seen = "all rounds were done", len(found.rounds)
-    try:
+    with _counted(found):
         for number in range(seen, seen + rounds):
             mean, spread = found.mean, found.spread
             drawn = unknowns.within(mean + spread * draw.normal(size=(population, len(mean))))
@@ -286,11 +284,19 @@ def search(
             if found.best.judgement.met or found.best.price <= enough:
                 found.ended = "good enough"
                 break
+    return found
+
+
+@contextmanager
+def _counted(found: Searched) -> Iterator[None]:
+    """Count the time of what is `found`; an interrupt by the user ends it with what was judged until then."""
+    processor, began = process_time(), perf_counter()
+    try:
+        yield
     except KeyboardInterrupt:
         found.ended = "interrupted"
     found.processor += process_time() - processor
     found.wall += perf_counter() - began
-    return found
 
 
 def _judged(

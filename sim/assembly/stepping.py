@@ -1,7 +1,8 @@
 """The time loop of the assembly: one compiled call for many steps.
 
 A step is drift, the terms of its numerics (`octoctrl.sim.assembly.terms`), drift; the two half drifts that meet between steps are merged
-inside a sample, as in `octoctrl.sim.rod.stepping`. The guard looks at every element at the end of each sample and reports the family and
+inside a sample, as in `octoctrl.sim.rod.stepping`. Terms are called by their addresses, so that each is compiled once and not again with
+every loop that has it. The guard looks at every element at the end of each sample and reports the family and
 place of the first bad one.
 """
 

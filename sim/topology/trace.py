@@ -20,6 +20,7 @@ UTURN_LIMIT = 0.15
 
 MOST_CROSSINGS = 2.0**53
 """Beyond this, whole numbers are no longer told apart in double precision."""
+
 _FLOAT_SERIES = ("time", "link", "writhe", "twist", "lifted_writhe", "residual")
 _ALLOWED = {np.int64: "whole numbers", np.bool_: "true or false"}
 
