@@ -218,10 +218,11 @@ def test_a_refusal_is_wrong_if_another_search_meets_the_goals(monkeypatch):
 
 def test_random_goals_are_those_of_their_seed():
     from octoctrl.bench.goals import OLD_KINDS
+    from octoctrl.bench.mending import KINDS
     from octoctrl.planners.fitting.identified import load_identified
 
     model = load_identified(Arm.octopus()).model
-    for kind in OLD_KINDS:
+    for kind in (*OLD_KINDS, *(what.kind for what in KINDS)):
         one, same, other = (kind(np.random.default_rng(seed), model) for seed in (3, 3, 4))
         assert one == same != other
 
@@ -254,6 +255,21 @@ def test_tracking_tells_how_far_the_plant_is_from_the_plan():
     run = execute(plan("twist"), feedback="open-loop")
     error = np.sqrt(np.mean((run.trace.twist - run.planned.twist) ** 2))
     assert rows[0]["twist rms"] == pytest.approx(error) and 0 < error < 0.05 and rows[0]["within"] == "yes"
+
+
+def test_what_feedback_mends_is_told_on_rods_as_planned_and_on_others(monkeypatch):
+    """In the unit of the goal, and as a share of what open loop misses of the same goals."""
+    from octoctrl.bench import mending
+
+    monkeypatch.setattr(mending, "RODS", 1)
+    monkeypatch.setattr(mending, "KINDS", mending.KINDS[1:2])
+    table = mending.mending(count=1, seed=5)
+    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    labels = [(rod, feedback) for rod in ("as planned", "not as planned") for feedback in mending.CONTROLLERS]
+    assert [(row["rod"], row["feedback"]) for row in rows] == labels
+    for three in (rows[:3], rows[3:]):
+        assert [row["of open loop"] for row in three] == pytest.approx([row["rms"] / three[0]["rms"] for row in three])
+    assert all(row["rms"] == row["largest"] and row["within"] == (row["rms"] <= 0.1) for row in rows)
 
 
 def test_what_a_correction_costs_is_timed_without_changing_it():

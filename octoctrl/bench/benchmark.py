@@ -34,12 +34,13 @@ PARTS = {
     "plans": ("octoctrl.bench.planning", "plans"),
     "choice": ("octoctrl.bench.planning", "choice"),
     "following": ("octoctrl.bench.planning", "following"),
+    "mending": ("octoctrl.bench.mending", "mending"),
     "correcting": ("octoctrl.bench.correcting", "correcting"),
     "tracking": ("octoctrl.bench.tracking", "tracking"),
 }
 """Module and function of each part."""
 
-DRAWN = ("plans", "choice", "following")
+DRAWN = ("plans", "choice", "following", "mending")
 """Parts on random goals and plants, whose number and seed can be told."""
 MOVED = ("tracking",)
 """Parts whose plants can be told."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from octoctrl.planners.asking.primitives import Bend, Shorten, Twist
+from octoctrl.planners.asking.primitives import Bend, BendWave, Shorten, Twist
 from octoctrl.planners.asking.registry import goal
 from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.contracts import Floats
@@ -73,6 +73,7 @@ def coil_variant(draw: np.random.Generator, model: ReducedModel) -> Task:
 OLD_KINDS: tuple[Kind, ...] = (twist_only, writhe_and_twist, writhe_and_twist, coil_variant)
 """In the shares in which they are drawn."""
 
+WHOLE = (0.0, 0.1978)
 BENT, SHORT = ("level", "rise"), ("level",)
 
 
@@ -83,7 +84,7 @@ def place(draw: np.random.Generator, model: ReducedModel) -> Task:
         phases=(Phase(name="reach", duration=2.5, longest=4.0, goals=(goal("tip", value=(0.05, 0.1, 0.0), tolerance=0.01),)),),
         drives=(
             Drive(name="lean", primitive=Bend(side="LM1", level=0.1, window=(0.0, 0.08)), begins="reach", free=BENT),
-            Drive(name="lift", primitive=Bend(side="LM3", level=0.1, window=(0.08, 0.1978)), begins="reach", free=BENT),
+            Drive(name="lift", primitive=Bend(side="LM3", level=0.1, window=(0.08, WHOLE[1])), begins="reach", free=BENT),
             Drive(name="shorten", primitive=Shorten(level=0.05), begins="reach", free=SHORT),
         ),
     )
@@ -123,6 +124,70 @@ def regions(draw: np.random.Generator, model: ReducedModel) -> Task:
 
 NEW_KINDS: tuple[Kind, ...] = (place, sides_and_writhe, regions)
 """Goals of place, side, region and band."""
+
+
+def held_place(draw: np.random.Generator, model: ReducedModel) -> Task:
+    """The tip at a point where a random programme (of `draw`) of the `model` leads, held there for half a second."""
+    task = Task(
+        name="held place",
+        phases=(
+            Phase(name="reach", duration=2.0, longest=4.0),
+            Phase(name="hold", duration=1.5, longest=3.0, goals=(goal("tip", value=(0.05, 0.1, 0.0), tolerance=0.01, hold=0.5),)),
+        ),
+        drives=tuple(
+            Drive(name=f"{name}{phase}", primitive=Bend(side=bent, level=0.1, window=window), begins=begins, free=BENT)
+            for phase, begins in (("", "reach"), (" on", "hold"))
+            for name, bent, window in (("lean", "LM1", (0.0, 0.08)), ("lift", "LM3", (0.08, WHOLE[1])))
+        ),
+    )
+    value = model.points(_reached(task, model, draw))[-1]
+    asked = goal("tip", value=tuple(map(float, value)), tolerance=0.01, hold=0.5)
+    return replace(task, phases=(task.phases[0], replace(task.phases[1], goals=(asked,))))
+
+
+def side(draw: np.random.Generator, model: ReducedModel) -> Task:
+    """Suckers' side in the lower half of the arm, and its bend, by two muscles, for the arm of a `model`; `draw` decides."""
+    half = (0.0, 0.5 * model.arm.length)
+    angle, bend = float(draw.uniform(-0.9, 0.9)), float(draw.uniform(8.0, 16.0))
+    task = Task(
+        name="side",
+        phases=(
+            Phase(
+                name="turn",
+                duration=2.0,
+                goals=(
+                    goal("sucker_side", azimuth=0.0, window=half, value=angle, tolerance=0.1),
+                    goal("curvature", window=half, value=bend, tolerance=2.0),
+                ),
+            ),
+        ),
+        drives=tuple(
+            Drive(name=name, primitive=Bend(side=muscle, level=0.1, window=half), begins="turn", free=BENT)
+            for name, muscle in (("along", "LM1" if angle > 0 else "LM5"), ("across", "LM3" if draw.random() < 0.5 else "LM7"))
+        ),
+    )
+    return task
+
+
+def packet(draw: np.random.Generator, model: ReducedModel) -> Task:
+    """The task `packet` with a bending strain of 0.3, at two places and as fast as `draw` decides, whatever the `model`."""
+    speed, first, apart = float(draw.uniform(0.06, 0.14)), float(draw.uniform(0.06, 0.08)), float(draw.uniform(0.04, 0.06))
+    task = tasks.load("packet").task
+    long = 0.05 / speed
+    durations = (long, (first - 0.02) / speed, apart / speed)
+    goals = ((), (first,), (first + apart,))
+    phases = tuple(
+        replace(
+            phase,
+            duration=duration,
+            shortest=0.7 * duration,
+            longest=1.4 * duration,
+            goals=tuple(goal("packet", value=place, tolerance=0.008) for place in places),
+        )
+        for phase, duration, places in zip(task.phases, durations, goals, strict=True)
+    )
+    drive = replace(task.drives[0], primitive=BendWave(level=0.6, speed=speed, width=5e-3, window=WHOLE), free=("speed",))
+    return replace(task, phases=phases, drives=(drive,))
 
 
 def _bent(name: str, draw: np.random.Generator, side: str) -> Task:
