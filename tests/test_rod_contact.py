@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import octoctrl as oc
+from octoctrl.sim.contact.columns import Body, Note
 from octoctrl.sim.contact.measures import covered_winding, gaps
+from octoctrl.sim.contact.near_kernels import LEAST_MARGIN, START, SWELLING, look
 from octoctrl.sim.contact.surroundings import Touch
-from octoctrl.sim.contact.world import points_of
+from octoctrl.sim.contact.world import World, points_of
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.objects import Box, Capsule, Plane, Sphere
 from octoctrl.sim.scene.scene import Scene
@@ -38,6 +40,40 @@ def test_an_object_out_of_reach_changes_no_bit():
     for name in ("points", "frames", "stretch"):
         np.testing.assert_array_equal(getattr(alone, name), getattr(beside, name))
     assert not alone.series and not Touch.of(beside.series, "post").normal_force.any()
+
+
+def test_nobody_looks_for_what_cannot_come_near_and_notes_of_what_stands_still_are_whole():
+    away = replace(POST, name="away", position=(0.3, 0.1, 0.0))
+    whole, piecewise = (plant(away, POST, record_every=1) for _ in range(2))
+    run = whole.advance(CURL, 1.0)
+    # A new call looks at its begin.
+    pieces = [piecewise.advance(CURL, piecewise.sample_interval) for _ in range(200)]
+    for name in ("away", "post"):
+        ours, theirs = run.series[f"touch {name}"], np.concatenate([piece.series[f"touch {name}"][1:] for piece in pieces])
+        np.testing.assert_array_equal(ours[1:], theirs)
+        np.testing.assert_array_equal(ours[:, : Note.FORCE], np.broadcast_to(ours[0, : Note.FORCE], ours[:, : Note.FORCE].shape))
+    np.testing.assert_array_equal(run.points[-1], pieces[-1].points[-1])
+    first = int(np.flatnonzero(Touch.of(run.series, "post").loaded)[0])
+    assert 100 < first < 200  # within a chunk, after the first
+
+
+def test_a_lease_is_the_time_in_which_the_clearance_can_be_crossed():
+    points = points_of(np.linspace(0, 0.2, 11), np.full(10, 5e-3))
+    world = World.of(points, (Sphere(name="ball", radius=0.02, position=(0.1, 0.1, 0.0)),)).with_room(1)
+    world.places[1], world.places[3] = np.linspace(0, 0.2, world.places.shape[1]), 5e-3
+    for fastest in (0.0, 0.03, 0.5):
+        look(world, fastest, 5e-3)
+        time, margin = world.lease[0], max(LEAST_MARGIN, 1.5 * 5e-3 * fastest)
+        assert 2 * fastest * time + START * time**2 == pytest.approx(0.1 - 0.02 - SWELLING * 5e-3 - margin) and time > 0
+    world.bodies[0, Body.MOVING] = 1.0
+    look(world, 0.0, 5e-3)
+    assert world.lease[0] == 0.0
+    close, far = (Sphere(name=f"ball at {x}", radius=0.02, position=(x, 0.2, 0.0)) for x in (0.025, 0.5))
+    for balls in ((close, far), (far, close)):
+        near = World.of(points, balls).with_room(1)
+        near.places[:] = world.places
+        look(near, 0.0, 5e-3)
+        assert near.lease[0] == 0.0 and near.counts.sum() > 0
 
 
 def test_the_arm_lies_on_the_post_and_not_in_it(touched):

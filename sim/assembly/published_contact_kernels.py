@@ -61,6 +61,9 @@ def published_contact_kernels(grid: AssemblyGrid) -> Any:
 
     @kernel(_nrt=False)
     def watch(b: Any, world: Any, span: Any) -> None:
+        world.lease[0] -= span
+        if world.lease[0] > 0:
+            return
         points, places, fastest = world.points, world.places, 0.0
         for p in range(len(points.place)):
             k = points.place[p]

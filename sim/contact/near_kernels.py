@@ -17,6 +17,8 @@ LEAST_MARGIN = 1e-3
 """Gap (m) within which a pair is watched, at least."""
 HASTE = 0.1
 """Speed (m/s) that a point may gain until one looks again, beside twice what it has; a gap too wide for it is not measured."""
+START = 20.0
+"""Acceleration (m/s^2) at which a point may come near what is far from the whole arm."""
 SWELLING = 1.05
 """By how much a radius may grow meanwhile."""
 
@@ -25,10 +27,10 @@ SWELLING = 1.05
 def find_near(world: Any, fastest: float, span: float) -> bool:
     """List the points, at their `places`, that may meet each body within a time `span` (s); `fastest` (m/s) is the quickest of them.
 
-    Returns whether there are any.
+    Returns whether there are any. If all bodies are far from the whole arm, the world's `lease` is the time in which that cannot change.
     """
     bodies, places = world.bodies, world.places
-    count, widest, close = places.shape[1], 0.0, False
+    count, widest, close, clearance = places.shape[1], 0.0, False, np.inf
     low1, low2, low3, high1, high2, high3 = np.inf, np.inf, np.inf, -np.inf, -np.inf, -np.inf
     for p in range(count):
         x1, x2, x3 = places[0, p], places[1, p], places[2, p]
@@ -42,9 +44,10 @@ def find_near(world: Any, fastest: float, span: float) -> bool:
         y1, y2, y3 = bodies[j, POSITION], bodies[j, POSITION + 1], bodies[j, POSITION + 2]
         reach = bodies[j, BOUND] + SWELLING * widest + margin
         # First the box of the whole arm; what has no end is always in it.
-        if not (low1 - reach < y1 < high1 + reach and low2 - reach < y2 < high2 + reach and low3 - reach < y3 < high3 + reach):
-            if reach < np.inf:
-                continue
+        outside = max(low1 - y1, y1 - high1, low2 - y2, y2 - high2, low3 - y3, y3 - high3) - reach
+        clearance = min(clearance, outside)
+        if outside >= 0:
+            continue
         body, near, slack, found = bodies[j], world.near[j], world.slack[j], 0
         world.paces[j] = 2 * (fastest + quickest) + HASTE
         for p in range(count):
@@ -60,6 +63,8 @@ def find_near(world: Any, fastest: float, span: float) -> bool:
                 found += 1
         world.counts[j] = found
         close = close or found > 0
+    # A point that has twice the speed of the quickest, and gains more all the time, goes as far as the clearance in this time.
+    world.lease[0] = 0.0 if clearance <= 0 or world.seen[MOVES] else (np.sqrt(fastest * fastest + START * clearance) - fastest) / START
     return close
 
 

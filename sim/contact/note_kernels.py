@@ -13,34 +13,36 @@ MOVING, POSITION, IMPULSE, NORMAL, DEEPEST, LOADED, SLIPPED = (
 FORCE, NOTED_NORMAL, NOTED_DEEPEST, NOTED_LOADED, NOTED_SLIPPED = (
     int(c) for c in (Note.FORCE, Note.NORMAL, Note.DEEPEST, Note.LOADED, Note.SLIPPED)
 )
-SHAPE, HOME_AXIS, NOTED_SHAPE, NOTED_AXIS = int(Body.SHAPE), int(Body.HOME_AXIS), int(Note.SHAPE), int(Note.HOME_AXIS)
-SUNK, STIFFNESS = int(Body.SUNK), int(Body.STIFFNESS)
+SUNK, STIFFNESS, WIDTH = int(Body.SUNK), int(Body.STIFFNESS), int(Note.WIDTH)
 PLACED = int(Body.MOMENTUM - Body.POSITION)
 """Columns of position, frame and velocity, side by side in a body's row and in a note."""
 
 
 @kernel(_nrt=False)
 def note(world: World, sample: int, h: float, steps: int) -> None:
-    """Copy the bodies, with means over the sample in place of sums, and clear the sums."""
-    bodies, notes = world.bodies, world.notes
+    """Copy the bodies, with means over the sample in place of sums, and clear the sums; not those that have not moved or been touched."""
+    bodies, notes, noted = world.bodies, world.notes, world.noted
     world.seen[SINKS] = False
     for j in range(bodies.shape[0]):
+        if sample < noted[j]:
+            if bodies[j, MOVING] == 0 and bodies[j, LOADED] == 0:
+                continue
+            noted[j] = sample
         if bodies[j, MOVING] > 0:
             straighten(bodies[j])
+        row = notes[sample + 1, j]
         for i in range(PLACED):
-            notes[sample, j, i] = bodies[j, POSITION + i]
-        for i in range(4):
-            notes[sample, j, NOTED_SHAPE + i] = bodies[j, SHAPE + i]
-        for i in range(3):
-            notes[sample, j, NOTED_AXIS + i] = bodies[j, HOME_AXIS + i]
+            row[i] = bodies[j, POSITION + i]
+        for i in range(PLACED, WIDTH):
+            row[i] = notes[0, j, i]
         if bodies[j, LOADED] > 0:
             for i in range(7):
-                notes[sample, j, FORCE + i] = bodies[j, IMPULSE + i] / (h * steps)
-            notes[sample, j, NOTED_DEEPEST] = bodies[j, DEEPEST]
-            notes[sample, j, NOTED_LOADED] = bodies[j, LOADED] / steps
+                row[FORCE + i] = bodies[j, IMPULSE + i] / (h * steps)
+            row[NOTED_DEEPEST] = bodies[j, DEEPEST]
+            row[NOTED_LOADED] = bodies[j, LOADED] / steps
             for i in range(IMPULSE, LOADED + 1):
                 bodies[j, i] = 0.0
             softness = max(1.0, FIRM / bodies[j, STIFFNESS])
             world.seen[SINKS] = world.seen[SINKS] or bodies[j, SUNK] > softness * world.bearable
             bodies[j, SUNK] = 0.0
-        notes[sample, j, NOTED_SLIPPED] = bodies[j, SLIPPED]
+        row[NOTED_SLIPPED] = bodies[j, SLIPPED]

@@ -176,7 +176,7 @@ class Surroundings:
 
     def series(self, world: World) -> dict[str, Floats]:
         """What `world` has notes of, by name of the object: to be read as a `Touch`."""
-        return {f"{PREFIX}{item.name}": world.notes[:, index] for index, item in enumerate(self.objects)}
+        return {f"{PREFIX}{item.name}": notes for item, notes in zip(self.objects, world.kept(), strict=True)}
 
     def now(self) -> dict[str, Floats]:
         """What is to be noted of the present instant, by name of the object."""

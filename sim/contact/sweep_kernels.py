@@ -55,6 +55,9 @@ def contact_sweeps(surface: Surface) -> Any:
 
     @kernel(_nrt=False)
     def watch(b: Any, world: Any, span: Any) -> None:
+        world.lease[0] -= span
+        if world.lease[0] > 0:
+            return
         points, places, fastest = world.points, world.places, 0.0
         for p in range(len(points.length)):
             places[0, p], places[1, p], places[2, p], places[3, p], square = place(b, points, p)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.objects import RigidObject
-from .bodies import rows_of
-from .columns import Anchor, Note
+from .bodies import notes_of, rows_of
+from .columns import Anchor
 from .markers import Pairs
 
 Floats = NDArray[np.float64]
@@ -72,14 +72,16 @@ class World(NamedTuple):
         What is left of the gaps of these at least, if they close at the speeds `paces` (M,), m/s.
     seen : (4,) bool
         What the last look found, see `octoctrl.sim.contact.near_kernels`.
+    lease : (1,) float64, s
+        For how long nothing can come near, so that one need not look.
     meetings : (M, P, 7) float64
         Normal, place and lever of these in the present step.
     pairs : Pairs
         Bodies that may touch each other.
     bearable : float, m
         By how much a point may sink in deeper than its spring explains; into what is softer than `FIRM` as much more.
-    notes : (T, M, Note.WIDTH) float64
-        The bodies at the end of each sample.
+    notes : (T + 1, M, Note.WIDTH) float64
+        The bodies at the begin, and at the end of each sample from number `noted` on, (M,) int64: until then they stand still, untouched.
     """
 
     points: Points | Nodes
@@ -91,10 +93,12 @@ class World(NamedTuple):
     slack: Floats
     paces: Floats
     seen: NDArray[np.bool_]
+    lease: Floats
     meetings: Floats
     pairs: Pairs
     bearable: float
     notes: Floats
+    noted: NDArray[np.int64]
 
     @classmethod
     def of(cls, points: Points | Nodes, objects: Sequence[RigidObject], *, water_density: float = 0.0, bearable: float = inf) -> "World":
@@ -110,16 +114,31 @@ class World(NamedTuple):
             slack=np.zeros((len(bodies), count)),
             paces=np.zeros(len(bodies)),
             seen=np.zeros(4, dtype=bool),
+            lease=np.zeros(1),
             meetings=np.zeros((len(bodies), count, 7)),
             pairs=Pairs.of(objects),
             bearable=bearable,
-            notes=np.empty((0, len(bodies), Note.WIDTH)),
+            notes=notes_of(bodies)[None],
+            noted=np.zeros(len(bodies), dtype=np.int64),
         )
 
     def with_room(self, samples: int, *, strict: bool = True) -> "World":
-        """The same bodies and anchors, with notes for so many samples; unless `strict`, points may sink in however deep."""
-        notes = np.zeros((samples, len(self.bodies), Note.WIDTH))
-        return self._replace(notes=notes, bearable=self.bearable if strict else inf)
+        """The same bodies and anchors, with room for notes of so many samples; unless `strict`, points may sink in however deep."""
+        now = notes_of(self.bodies)
+        notes = np.empty((samples + 1, *now.shape))
+        notes[0] = now
+        noted = np.full(len(now), samples)
+        return self._replace(lease=np.zeros(1), notes=notes, noted=noted, bearable=self.bearable if strict else inf)
+
+    def kept(self) -> list[Floats]:
+        """Notes (T, Note.WIDTH) of each body at the end of each sample, to be read only."""
+        begin, notes = self.notes[:1], self.notes[1:]
+        still, found = np.broadcast_to(begin, notes.shape), []
+        for number, since in enumerate(self.noted.tolist()):
+            if since < len(notes):
+                notes[:since, number] = begin[:, number]
+            found.append((notes if since < len(notes) else still)[:, number])
+        return found
 
 
 def points_of(edges: Floats, radius: Floats, thinnest: float = np.inf) -> Points:

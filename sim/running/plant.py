@@ -414,16 +414,17 @@ class Plant:
 
     def _piece(self, motion: Motion, levels: Floats) -> Recording:
         """What is recorded of a motion that begins now, whose levels (T + 1, groups, n) begin with those of now."""
-        index = self._samples + 1 + np.arange(len(motion.points))
-        keep = index % self._clock.record == 0
+        record, first = self._clock.record, self._samples + 1
+        keep = slice(-first % record, None, record)
+        numbers = first + np.arange(len(motion.points), dtype=np.float64)
         return Recording(
-            time=index[keep] * self._clock.sample,
-            points=motion.points[keep],
+            time=numbers[keep] * self._clock.sample,
+            points=motion.points[keep].copy(),
             frames=with_ends(motion.frames[keep], self.edges),
             stations=self._stations,
-            stretch=motion.stretch[keep],
-            levels=levels[1 : len(index) + 1][keep],
-            series={name: values[keep] for name, values in motion.series.items()},
+            stretch=motion.stretch[keep].copy(),
+            levels=levels[1 : len(numbers) + 1][keep].copy(),
+            series={name: values[keep].copy() for name, values in motion.series.items()},
         )
 
     def _now(self, levels: Floats) -> Recording:
