@@ -10,7 +10,7 @@ from matplotlib.colors import rgb_to_hsv
 import octoctrl as oc
 from octoctrl.carrying import calibrating, searching, tugging
 from octoctrl.carrying.searching import plan_by_search
-from octoctrl.carrying.trials import schedule_of
+from octoctrl.carrying.trials import plant_for, schedule_of
 from octoctrl.carrying.tugging import tugs
 from octoctrl.pictures.maps import activation_maps, bend_colours
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
@@ -18,13 +18,14 @@ from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve, shared_level
 from octoctrl.planners.contracts import ClockReading
 from octoctrl.planners.following.gripping import Gripping
-from octoctrl.planners.solving.free_shapes import free_points, turns_near
+from octoctrl.planners.solving.free_shapes import free_points, last_free, turns_near
 from octoctrl.planners.solving.grasping import (
     check_objects,
     grasp_drives,
     grasp_region,
     held_at_the_end,
     is_simulated,
+    most_turns,
     nearest,
     objects_held,
     too_short,
@@ -226,17 +227,55 @@ def test_a_free_shape_is_that_of_the_rod_and_near_turns_are_those_of_a_recording
     np.testing.assert_allclose(turns_near(recording.points[-1:], arm, item), np.abs(hold.near[-1:]), rtol=0.02)
 
 
+def test_quick_trials_are_those_of_usual_samples_at_the_same_steps():
+    arm, scene = oc.tasks.load("grasp").arm, oc.tasks.load("grasp").scene
+    activation = schedule_of((Curl(azimuth=2.7, level=0.6, start=0.05, speed=0.06, onset=0.3, stop=0.19, apex=0.22),), 2.0).activation()
+    found = {}
+    for quick in (False, True):
+        plant = plant_for("rod", arm, scene, quick=quick)
+        plant.reset()
+        found[quick] = plant.advance(activation, 2.0)
+        assert plant.clock.step <= 7e-4
+    np.testing.assert_allclose(found[True].time, found[False].time)
+    off = np.abs(found[True].points - found[False].points).max()
+    assert 0 < off < 2e-4
+
+
 def test_what_is_too_thick_for_the_arm_is_refused_before_anything_moves():
-    thick = replace(POST, radius=0.02, position=(-0.05, 0.09, 0.0))
+    thick = replace(POST, radius=0.02, position=(-0.05, 0.12, 0.0), axis=(0, 0, 1))
     configuration = task_for(thick)
     reason = too_short(configuration.task, ARM, configuration.scene)
-    place, _, _ = nearest(ARM, thick)
-    rest = np.asarray(ARM.section(np.linspace(place, 0.2, 50)).outer_radius).mean()
-    assert f"{(0.2 - place) / (2 * np.pi * (0.02 + rest)):.2f} times at most" in reason
+    away, s = np.hypot(0.05, 0.12) - 0.02, np.linspace(0, 0.2, 20001)
+    radius = np.asarray(ARM.section(s).outer_radius)
+    rest = s + radius >= away
+    turns = np.sum((1 / (2 * np.pi * (0.02 + radius)))[rest]) * s[1]
+    place, found = most_turns(ARM, thick)
+    assert place == pytest.approx(s[rest][0], abs=6e-4) and found == pytest.approx(turns, abs=5e-3)
+    assert f"{found:.2f} times at most" in reason
     plan = oc.plan(configuration)
     assert plan.status is PlanStatus.REFUSED and plan.report.reason == reason and not plan.status.solved
     assert not plan.schedule.activation().levels([1.0], ARM.edges).any()
     assert too_short(task_for(POST).task, ARM, oc.Scene(objects=(POST,))) == ""
+
+
+def test_a_slanting_post_is_met_where_it_is_nearest_to_the_base_not_to_the_arm():
+    """Where it is nearest to the arm at rest the arm would go round it once; its lower end is reached with half as much again left."""
+    slanting = Capsule(name="post", radius=0.0105, length=0.08, position=(0.015, 0.12, 0.012), axis=(0.5, 0.8, 0.3))
+    place, _, _ = nearest(ARM, slanting)
+    first, turns = most_turns(ARM, slanting)
+    assert first < place - 0.02 and turns > 1.2
+    across = replace(slanting, axis=(1, 0, 0))
+    assert most_turns(ARM, across)[1] < turns - 0.1
+    assert most_turns(ARM, Plane(name="floor", position=(0, 0, -0.03), axis=(0, 0, 1)))[1] == 0.0
+
+
+def test_a_programme_that_passes_through_the_object_counts_up_to_there_only():
+    """A straight arm that is swung from one side of a post to the other, over its end, or past its tip."""
+    item = Capsule(name="post", radius=5e-3, length=0.06, position=(0.0, 0.1, 0.0), axis=(0, 0, 1))
+    angles, s = np.linspace(0.6, -0.6, 8), np.linspace(0, 0.2, 21)
+    swung = np.stack([np.sin(angles)[:, None] * s, np.cos(angles)[:, None] * s, np.zeros((8, 21))], axis=-1)
+    over = swung + np.linspace(0, 1, 21)[:, None] * [0.0, 0.0, 0.1]
+    np.testing.assert_array_equal(last_free(np.stack([swung, over, swung * 0.45]), item), [3, 7, 7])
 
 
 def test_an_object_that_is_not_there_is_named():

@@ -20,7 +20,7 @@ from octoctrl.planners.asking.wrapping import TwistCurve
 from octoctrl.planners.contracts import Primitive
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.planners.solving.cross_entropy import Candidate, Searched, Unknowns, search, survey
-from octoctrl.planners.solving.free_shapes import free_points, turns_near
+from octoctrl.planners.solving.free_shapes import free_points, last_free, turns_near
 from octoctrl.planners.solving.grasping import check_objects, grasp_drives, grasp_region, grasped, objects_held, too_short
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.planners.solving.scenarios import Scenario, four
@@ -45,9 +45,12 @@ POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
 """Trials of a round, rounds of a phase at most; how often it begins anew, and after how many rounds of each of these the best goes on
 alone. A search that has lost its way does not find it again; another one may."""
 
-DRAWN, SURVEYED, FAR = 400, 40, 1.0
+DRAWN, SURVEYED, FAR = 600, 40, 1.0
 """Programmes that are drawn for a survey, how many of them it tries, and how far apart the searches that follow it begin, in first
 spreads."""
+
+LOOKS = 14
+"""Instants at which the way of a programme is looked at in free water."""
 
 CANDIDATES, APART = 3, 0.6
 """Candidates that are checked on the plant, and how far apart they lie, in first spreads."""
@@ -176,7 +179,7 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
         task = grasp_drives(task, work.arm, work.scene).on(work.arm)
     together = at_once(task)
     for index, phases in enumerate(together):
-        stage = _stage(task, phases, settled, work, scenarios, states, curve)
+        stage = _stage(task, phases, settled, work, scenarios, states, curve, quick=len(together) == 1)
         last, said, tries = _search_phase(stage, work, index, {} if index else region)
         tried += said
         count += tries
@@ -245,6 +248,7 @@ def _stage(
     scenarios: tuple[Scenario, ...],
     states: tuple[State | None, ...],
     curve: TwistCurve,
+    quick: bool = False,
 ) -> Stage:
     # Phase by phase, for that is the order in which their primitives are known again.
     drives: tuple[Drive, ...] = tuple(drive for phase in phases for drive in task.drives if drive.begins == phase.name)
@@ -252,17 +256,22 @@ def _stage(
     return Stage(
         task=task, phases=phases, begins=begins_of(task), drives=drives, settled=settled, arm=work.arm, scene=work.scene,
         held=frozenset(objects_held(task)), scenarios=scenarios, states=states, plant=SEARCHED_ON, curve=curve,
-        spread=work.spread, hopeless=HOPELESS * (1 + 0.5 * max(goals - 1, 0)),
+        spread=work.spread, hopeless=HOPELESS * (1 + 0.5 * max(goals - 1, 0)), quick=quick,
     )  # fmt: skip
 
 
 def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]], seed: int) -> Searched:
-    """What is found in a region, as planned alone: of many programmes those are tried that would go round the object in free water."""
+    """What is found in a region, as planned alone: of many programmes those are tried that would go round the object in free water.
+
+    A programme that would have to pass through the object on its way counts by where it would be held up.
+    """
     low, high = np.array([region[name] for name in stage.unknowns.names]).T
     drawn = np.random.default_rng(work.seed + seed).uniform(low, high, size=(DRAWN, len(low)))
     end, edges = stage.begins[stage.phases[-1].name] + stage.phases[-1].duration, work.arm.edges
-    levels = np.array([schedule_of(stage.primitives(x), end).activation().levels([end], edges)[0] for x in drawn])
-    near = turns_near(free_points(levels, work.arm, stage.curve), work.arm, grasped(stage.task, work.scene))
+    times, item = np.linspace(0.0, end, LOOKS), grasped(stage.task, work.scene)
+    levels = np.array([schedule_of(stage.primitives(x), end).activation().levels(times, edges) for x in drawn])
+    points = free_points(levels.reshape(-1, *levels.shape[2:]), work.arm, stage.curve).reshape(DRAWN, LOOKS, -1, 3)
+    near = turns_near(points[np.arange(DRAWN), last_free(points, item)], work.arm, item)
     tried = drawn[np.argsort(-near, kind="stable")[:SURVEYED]]
     work.progress.start(f"looking round for phase '{stage.name}'", float(SURVEYED))
     try:

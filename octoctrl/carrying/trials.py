@@ -32,6 +32,9 @@ from octoctrl.sim.topology.trace import TopologyTrace
 RECORD = 4
 """Samples between recorded instants of a trial: 20 ms."""
 
+QUICK = 0.02
+"""Interval between samples of trials that are quick, s: levels change slowly, and the steps in between are as small as ever."""
+
 HOPELESS, LOST = 1.4, 9.0
 """Price of a goal beyond which a trial is not tried in further scenarios, and price of a plant that diverged."""
 
@@ -51,17 +54,20 @@ FARTHEST = {"start": 0.8, "stop": 1.0}
 _LOCAL = threading.local()
 
 
-def plant_for(plant: str, arm: Arm, scene: Scene, record_every: int = RECORD) -> Plant:
+def plant_for(plant: str, arm: Arm, scene: Scene, record_every: int = RECORD, *, quick: bool = False) -> Plant:
     """The `plant` of this name for `arm` and `scene` that keeps every so many samples, `record_every`: the same one each time.
 
-    Each thread has its own.
+    One that is `quick` takes the samples of `QUICK` and keeps each. Each thread has its own.
     """
     plants: dict[Any, Plant] = _LOCAL.__dict__.setdefault("plants", {})
-    key = plant, arm, scene, record_every
+    key = plant, arm, scene, record_every, quick
     if key not in plants:
         if len(plants) > 64:  # of searches that are over
             plants.clear()
-        plants[key] = make_plant(plant, arm, scene, record_every=record_every)
+        if quick:
+            plants[key] = make_plant(plant, arm, scene, sample_interval=QUICK, record_every=1)
+        else:
+            plants[key] = make_plant(plant, arm, scene, record_every=record_every)
     return plants[key]
 
 
@@ -107,6 +113,8 @@ class Stage:
         Price beyond which a trial is not tried in further scenarios.
     spread : float
         How far a search looks at first, over the usual.
+    quick : bool
+        Whether trials are; how they `ended` is told with the usual samples.
     """
 
     task: Task
@@ -123,6 +131,7 @@ class Stage:
     curve: TwistCurve
     hopeless: float = HOPELESS
     spread: float = 1.0
+    quick: bool = False
     names: tuple[tuple[int, str], ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
@@ -165,10 +174,10 @@ class Stage:
         """The scene of a `scenario`."""
         return scenario.scene(self.scene, set(self.held))
 
-    def run(self, x: Floats, number: int, record_every: int = RECORD) -> tuple[Recording, Plant]:
-        """What numbers `x` come to in scenario `number`, recorded at `record_every`, and the plant at its end."""
+    def run(self, x: Floats, number: int, *, quick: bool = False) -> tuple[Recording, Plant]:
+        """What numbers `x` come to in scenario `number`, and the plant at its end."""
         scenario, state = self.scenarios[number], self.states[number]
-        plant = plant_for(self.plant, self.arm, self.scene_in(scenario), record_every)
+        plant = plant_for(self.plant, self.arm, self.scene_in(scenario), quick=quick)
         plant.reset()
         if state is not None:
             plant.restore(state)
@@ -208,7 +217,7 @@ class Stage:
         recordings: list[Recording] = []
         for number in range(len(self.scenarios)):
             try:
-                recording, _ = self.run(x, number)
+                recording, _ = self.run(x, number, quick=self.quick)
                 prices.append(self.price(recording))
                 recordings.append(recording)
             except PlantUnstableError:

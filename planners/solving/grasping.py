@@ -24,8 +24,8 @@ from .plan import Plan
 
 Floats = NDArray[np.float64]
 
-ENOUGH_TURNS = 1.25
-"""Turns for which the arm beyond the object must suffice: less is not held for long."""
+ENOUGH_TURNS = 1.2
+"""Turns for which the arm beyond an object must suffice, were it straight up to there: with less none was held, whatever was tried."""
 
 BEFORE = 0.022
 """How far before the nearest point the curl begins, m, on an arm of 0.2 m."""
@@ -94,26 +94,38 @@ def _closest(item: RigidObject, place: Floats) -> Floats:
 def too_short(task: Task, arm: Arm, scene: Scene) -> str:
     """Why the arm cannot wind round what it is to wind round, or nothing.
 
-    The rest of the arm beyond the point of first touch must go round ``ENOUGH_TURNS`` times, its own mean radius included.
+    What is left of the arm beyond the first point that can touch the object must go round it `ENOUGH_TURNS` times, its own radius included.
     """
-    from octoctrl.sim.contact.hold import free_turns, girth
-
     items = {item.name: item for item in scene.objects}
     for phase in task.phases:
         for goal in phase.goals:
             if not isinstance(goal, CoveredWindingGoal) or goal.band[0] <= 0:
                 continue
             item = items[goal.object]
-            place, _, _ = nearest(arm, item)
-            rest = np.linspace(place, arm.length, 50)
-            radius = girth(item) + float(np.mean(np.asarray(arm.section(rest).outer_radius)))
-            turns = free_turns(arm.length, place, radius)
+            place, turns = most_turns(arm, item)
             if turns < ENOUGH_TURNS:
                 return (
-                    f"beyond {1e3 * place:.0f} mm, where it meets '{item.name}', the arm goes round it {turns:.2f} times at most, and "
-                    f"{ENOUGH_TURNS} are needed to hold it; give a thinner object, or one nearer to the base"
+                    f"were it straight up to '{item.name}', which it would meet at {1e3 * place:.0f} mm, the arm would go round it "
+                    f"{turns:.2f} times at most, and {ENOUGH_TURNS} are needed to hold it; give a thinner object, or one nearer to the base"
                 )
     return ""
+
+
+def most_turns(arm: Arm, item: RigidObject) -> tuple[float, float]:
+    """The least arclength (m) at which an arm can touch an object, and turns for which the rest of it suffices.
+
+    It touches with the least of its length if it goes straight from its base to where the object is nearest to that, as wherever the
+    object is nearest to the arm at rest it need not be; each element then turns by its length over its distance from the axis.
+    """
+    from octoctrl.sim.contact.hold import girth
+    from octoctrl.sim.contact.measures import gaps
+
+    s = np.linspace(0.0, arm.length, 401)
+    radius = np.asarray(arm.section(s).outer_radius)
+    away = gaps(np.zeros((1, 1, 3)), item, np.array([item.position]), frame_of(item)[None])[0, 0]
+    first = int(np.argmax(s + radius >= away)) if s[-1] + radius[-1] >= away else len(s) - 1
+    middle = (radius[first + 1 :] + radius[first:-1]) / 2
+    return float(s[first]), float(np.sum(np.diff(s[first:]) / (tau * (girth(item) + middle))))
 
 
 def grasp_drives(task: Task, arm: Arm, scene: Scene) -> Task:

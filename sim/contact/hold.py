@@ -1,7 +1,7 @@
 """What a recording says of how an arm holds one object: read from the recording alone, in which every object is noted with its shape."""
 
 from dataclasses import dataclass
-from math import inf, pi, tau
+from math import inf, pi
 from typing import Any
 
 import numpy as np
@@ -149,8 +149,3 @@ def recorded_object(row: Floats, name: str) -> RigidObject:
     if kind is Plane:
         return Plane(**placed)
     return (Capsule if kind is Capsule else Cylinder)(radius=first, length=2 * second, **placed)
-
-
-def free_turns(length: float, arclength: float, radius: float) -> float:
-    """Turns for which the rest of an arm of `length` beyond an `arclength` suffices, about a circle of `radius`, all m."""
-    return (length - arclength) / (tau * radius)
