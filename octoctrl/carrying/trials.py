@@ -175,7 +175,7 @@ class Stage:
         return scenario.scene(self.scene, set(self.held))
 
     def run(self, x: Floats, number: int, *, quick: bool = False) -> tuple[Recording, Plant]:
-        """What numbers `x` come to in scenario `number`, and the plant at its end."""
+        """What numbers `x` come to in scenario `number`, with `quick` samples or usual ones, and the plant at its end."""
         scenario, state = self.scenarios[number], self.states[number]
         plant = plant_for(self.plant, self.arm, self.scene_in(scenario), quick=quick)
         plant.reset()
