@@ -91,5 +91,5 @@ def last_free(points: Floats, item: RigidObject) -> NDArray[np.int64]:
         along = np.abs((points[:, 1:, 1:] - position) @ frame[2])
         first = np.take_along_axis(along, passed.argmax(axis=2)[..., None], axis=2)[..., 0]
         passed &= (first < item.length / 2 + PAST)[..., None]
-    crossed = passed.any(axis=2)
+    crossed = np.asarray(np.any(passed, axis=2))
     return np.where(crossed.any(axis=1), crossed.argmax(axis=1), instants - 1)
