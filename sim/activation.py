@@ -7,7 +7,7 @@ see the same activation. The formulas take the module they calculate with (`nump
 
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,6 +81,8 @@ class Plateau:
         Arclengths between which it acts.
     """
 
+    travels: ClassVar[bool] = False
+    """Whether its place moves."""
     groups: tuple[str, ...]
     level: float
     onset: float = 0.0
@@ -147,6 +149,7 @@ class Wave:
         Arclength at which the arm would end if it tapered to nothing.
     """
 
+    travels: ClassVar[bool] = True
     groups: tuple[str, ...]
     level: float
     speed: float
@@ -246,6 +249,7 @@ class Pulse:
     Gutfreund et al. 1996, J. Neurosci. 16:7297 (speed of the bend); Flash and Hogan 1985, J. Neurosci. 5:1688 (least jerk).
     """
 
+    travels: ClassVar[bool] = True
     groups: tuple[str, ...]
     level: float
     stretch: float

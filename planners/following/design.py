@@ -23,6 +23,7 @@ from ..model.reduced import ReducedModel, ReducedMotion
 from ..solving.plan import Plan
 from .channels import Channels
 from .held import Held
+from .pace import moved
 
 CORRECTION, REST_SHARE = 1 / 3, 0.05
 """Share of a channel's planned level by which a correction costs as much as an error of `held`; and the share of that which a channel at
@@ -41,12 +42,18 @@ the model without inertia foresees a little early."""
 DISCOUNT = 0.96
 """Weight of a period's price against that of the one before while the clock stands."""
 
+CLOCK_STEP = 0.01
+"""By how much the clock of what travels is moved, both ways, to see what that does, s."""
+
 ITERATIONS, CONVERGED = 400, 1e-9
 """Of the standing clock's recursion: how many at most, and the relative change at which it ends."""
 
 
 class Linear(NamedTuple):
-    """One period: A, B, E, c, C, the weights of its rows, and the prices Q' (of x) and R (of v); n strains, m channels, R rows held."""
+    """One period: A, B, E, c, C, the weights of its rows, and the prices Q' (of x) and R (of v); n strains, m channels, R rows held.
+
+    `timing` (n,) is what a clock does that is a second ahead.
+    """
 
     transition: Floats
     influence: Floats
@@ -57,6 +64,7 @@ class Linear(NamedTuple):
     aims: Floats
     price: Floats
     effort: Floats
+    timing: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +80,8 @@ class Period:
         How long it is.
     activation : (groups, S) float64
         Planned levels of all muscle groups at its end, as they are felt.
+    rates : (groups, S) float64
+        By how much these levels grow with the clock of what travels, 1/s.
     shares : (m, S) float64
         Where corrections reach.
     levels : (m,) float64
@@ -90,6 +100,7 @@ class Period:
     strains: Floats
     step: float
     activation: Floats
+    rates: Floats
     shares: Floats
     levels: Floats
     held: Floats
@@ -155,13 +166,14 @@ class Course:
         self.steps = np.diff(self._times)
         levels = model.levels(self._activation, self._times[1:])
         self._motion = model.simulate(levels, self.steps, start=self._begin(plan))
+        rates = self._rates(self._times[1:])
         shares = self.channels.shares(self._times[1:] - model.lag, model.edges)
         self._highest = np.maximum(self.channels.planned(levels, shares).max(axis=0), LEAST_LEVEL)
         self._standing: tuple[float, Period] | None = None
         final = self.standing(plan.schedule.duration)
         # What the arm does after the plan is no reason to leave it before.
         self.final = replace(final, linear=final.linear._replace(drift=np.zeros_like(final.strains)))
-        linear, planned, held = self._linear(self._motion, levels, self.steps, shares, self._times[:-1])
+        linear, planned, held = self._linear(self._motion, levels, rates, self.steps, shares, self._times[:-1])
         cost, periods = self.final.cost / DISCOUNT, []
         for k in range(count - 1, -1, -1):
             gain, inverse, before = _regulator(linear[k], cost)
@@ -169,7 +181,8 @@ class Course:
             periods.append(
                 Period(
                     linear=linear[k], strains=self._motion.strains[k].ravel(), step=self.steps[k], activation=levels[k],
-                    shares=shares[k], levels=planned[k], held=held[k], noise=self._noise(change), cost=cost, gain=gain, inverse=inverse,
+                    rates=rates[k], shares=shares[k], levels=planned[k], held=held[k], noise=self._noise(change), cost=cost, gain=gain,
+                    inverse=inverse,
                 )
             )  # fmt: skip
             cost = before
@@ -186,13 +199,14 @@ class Course:
             return self._standing[1]
         model, index = self._model, int(np.abs(self._times - clock).argmin())
         # Levels that stay need no allowance for the lag with which the arm answers.
-        levels = model.levels(self._activation, np.array([clock + model.lag]))
+        felt = np.array([clock + model.lag])
+        levels, rates = model.levels(self._activation, felt), self._rates(felt)
         shares = self.channels.shares(np.array([clock]), model.edges)
         start = self._motion.strains[index]
         steps = np.array([self.period])
         motion = model.simulate(levels, steps, start=start)
         change = motion.strains[1] - start
-        (linear,), (planned,), (held,) = self._linear(motion, levels, steps, shares, np.array([clock]))
+        (linear,), (planned,), (held,) = self._linear(motion, levels, rates, steps, shares, np.array([clock]))
         linear = linear._replace(drift=change.ravel())
         cost = linear.price
         for _ in range(ITERATIONS):
@@ -203,18 +217,19 @@ class Course:
                 break
         gain, inverse, _ = _regulator(linear, DISCOUNT * cost)
         found = Period(
-            linear=linear, strains=start.ravel(), step=self.period, activation=levels[0], shares=shares[0], levels=planned, held=held,
-            noise=self._noise(change), cost=DISCOUNT * cost, gain=gain, inverse=inverse,
+            linear=linear, strains=start.ravel(), step=self.period, activation=levels[0], rates=rates[0],
+            shares=shares[0], levels=planned, held=held, noise=self._noise(change), cost=DISCOUNT * cost, gain=gain, inverse=inverse,
         )  # fmt: skip
         self._standing = clock, found
         return found
 
     def _linear(
-        self, motion: ReducedMotion, levels: Floats, steps: Floats, shares: Floats, begins: Floats
+        self, motion: ReducedMotion, levels: Floats, rates: Floats, steps: Floats, shares: Floats, begins: Floats
     ) -> tuple[list[Linear], Floats, Floats]:
         """Linear models of the steps of a motion, planned levels (N, m), and what is held (N, R) at the steps' begins."""
         transition, influence, drag = self._model.linearise(motion, levels, steps)
         gains = np.einsum("tngs,tgs->tng", influence[:, :, self._columns], levels[:, self._columns])
+        timing = np.einsum("tngs,tgs->tn", influence, rates)
         influence, planned = self.channels.influence(influence, shares), self.channels.planned(levels, shares)
         disturbance = np.concatenate([gains, drag[:, :, None], (np.eye(len(self._scale)) - transition) * self._scale], axis=2)
         values, slopes, weights, aims = self.held.along(begins, motion.strains[:-1], SHAPE_NOISE * self._scale)
@@ -222,14 +237,24 @@ class Course:
         effort = 1 / (CORRECTION * (REST_SHARE * self._highest + planned)) ** 2
         still = np.zeros(len(self._scale))
         linear = [
-            Linear(transition[k], influence[k], disturbance[k], still, slopes[k], weights[k], aims[k], price[k], np.diag(effort[k]))
+            Linear(
+                transition[k], influence[k], disturbance[k], still, slopes[k], weights[k], aims[k], price[k], np.diag(effort[k]), timing[k]
+            )
             for k in range(len(levels))
         ]
         return linear, planned, values
 
-    def predicted(self, period: Period, correction: Floats, start: Floats) -> Prediction:
-        """What the model says of a period with a `correction` (m,) that begins with the strains `start` (n,), wherever the plan is."""
-        levels, steps = self.channels.corrected(period.activation, period.shares, correction)[None], np.array([period.step])
+    def _rates(self, felt: Floats) -> Floats:
+        """By how much levels felt at the times `felt` (T,) grow with the clock of what travels, (T, groups, S), 1/s."""
+        if not any(template.travels for template in self._activation.templates):
+            return np.zeros((len(felt), len(MUSCLE_GROUPS), self._model.sections))
+        after, before = (self._model.levels(moved(self._activation, np.full(len(felt), step)), felt) for step in (CLOCK_STEP, -CLOCK_STEP))
+        return np.asarray((after - before) / (2 * CLOCK_STEP))
+
+    def predicted(self, period: Period, correction: Floats, start: Floats, ahead: float = 0.0) -> Prediction:
+        """What the model says of a period with a `correction` (m,) and a clock `ahead`, s, that begins with the strains `start` (n,)."""
+        planned = np.clip(period.activation + ahead * period.rates, 0.0, 1.0)
+        levels, steps = self.channels.corrected(planned, period.shares, correction)[None], np.array([period.step])
         motion = self._model.simulate(levels, steps, start=start.reshape(self._model.sections, 4))
         (transition,), (influence,), _ = self._model.linearise(motion, levels, steps)
         gains = np.einsum("ngs,gs->ng", influence[:, self._columns], levels[0, self._columns])

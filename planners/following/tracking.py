@@ -36,12 +36,18 @@ KINSHIP = 0.95
 
 
 class _Passed(NamedTuple):
-    """A period that has begun: which it is on the plan's clock, where that stood, what holds in it, and its correction."""
+    """A period that has begun: which it is on the plan's clock, where that stood, what holds in it, its correction, and its pace."""
 
     begun: int | None
     clock: float
     period: Period
     correction: Floats
+    ahead: float
+
+    def moved(self, x: Floats) -> Floats:
+        """Where it leads from the state `x` without errors of the model."""
+        linear = self.period.linear
+        return linear.transition @ x + linear.influence @ self.correction + self.ahead * linear.timing + linear.drift
 
 
 class Tracker:
@@ -68,10 +74,12 @@ class Tracker:
         self._estimate, self._doubt = np.zeros_like(course.final.strains), np.diag(course.final.noise**2)
         self._shape, self._measured = course.final.strains, False
         self.watch = GroupWatch(course.channels.groups)
+        self._meant = np.zeros_like(course.final.strains)
+        """What of the state is meant: what a clock that is ahead does."""
         self._past: list[_Passed] = []
         """Periods that began since the last measurement, with their corrections."""
 
-    def correct(self, index: int | None, sight: Sight, *, clock: float = 0.0, age: int = 0) -> Floats:
+    def correct(self, index: int | None, sight: Sight, *, clock: float = 0.0, age: int = 0, ahead: float = 0.0) -> Floats:
         """Corrections of the levels for one period.
 
         Parameters
@@ -84,6 +92,8 @@ class Tracker:
             Where the clock stands.
         age : int
             How many periods ago it was measured.
+        ahead : float, s
+            By how much the clock of what travels is ahead.
 
         Returns
         -------
@@ -99,13 +109,13 @@ class Tracker:
             self._measure(known, self._past[known].period if known < len(self._past) else period, sight)
             self._past = self._past[known:]
         x = self._estimate
-        for _, _, passed, correction in self._past:
-            linear = passed.linear
-            x = linear.transition @ x + linear.influence @ correction + linear.drift + self._effect(passed, correction) @ self.errors
-        correction = self.decided(index, period, x)
+        for passed in self._past:
+            x = passed.moved(x) + self._effect(passed) @ self.errors
+        correction = self.decided(index, period, x - self._meant)
         # A level cannot leave [0, 1]; what the plant will really get is what the next prediction must assume.
         correction = np.clip(period.levels + correction, 0.0, 1.0) - period.levels
-        self._past.append(_Passed(index, clock, period, correction))
+        self._meant = period.linear.transition @ self._meant + ahead * period.linear.timing
+        self._past.append(_Passed(index, clock, period, correction, ahead))
         return correction
 
     def decided(self, index: int | None, period: Period, x: Floats) -> Floats:
@@ -130,7 +140,8 @@ class Tracker:
             "doubt": self._doubt.copy(),
             "shape": self._shape.copy(),
             "measured": self._measured,
-            "past": [(passed.begun, passed.clock, passed.correction) for passed in self._past],
+            "meant": self._meant.copy(),
+            "past": [(passed.begun, passed.clock, passed.correction, passed.ahead) for passed in self._past],
             "watch": self.watch.state(),
         }
 
@@ -141,7 +152,8 @@ class Tracker:
         )
         self._measured = state["measured"]
         self.watch.restore(state["watch"])
-        self._past = [_Passed(index, clock, self._period(index, clock), correction) for index, clock, correction in state["past"]]
+        self._meant = state["meant"].copy()
+        self._past = [_Passed(index, clock, self._period(index, clock), *rest) for index, clock, *rest in state["past"]]
 
     def _period(self, index: int | None, clock: float) -> Period:
         return self.course.standing(clock) if index is None else self.course.periods[index]
@@ -151,11 +163,11 @@ class Tracker:
         x = sight.strains.ravel() - then.strains
         # What the errors do to the prediction is linear in them: effect @ errors.
         found, doubt, effect = self._estimate, self._doubt, np.zeros((len(x), len(self.errors)))
-        for _, _, passed, correction in self._past[:known]:
-            linear = passed.linear
-            found = linear.transition @ found + linear.influence @ correction + linear.drift
-            doubt = linear.transition @ doubt @ linear.transition.T + np.diag(passed.noise**2)
-            effect = linear.transition @ effect + self._effect(passed, correction)
+        for passed in self._past[:known]:
+            transition = passed.period.linear.transition
+            found = passed.moved(found)
+            doubt = transition @ doubt @ transition.T + np.diag(passed.period.noise**2)
+            effect = transition @ effect + self._effect(passed)
         total = doubt + sight.noise
         if self.adapt:
             if self._measured:
@@ -172,10 +184,10 @@ class Tracker:
     def _watch(self, past: Sequence[_Passed], sight: Sight) -> None:
         """Tell the watch what the model itself, from the shape that was estimated last, has made of periods, and what was measured."""
         found, doubt, effect = self._shape, self._doubt, np.zeros((len(self._shape), self._gains + 1))
-        for _, _, passed, correction in past:
-            ahead = self.course.predicted(passed, correction, found)
-            found, effect = ahead.strains, ahead.transition @ effect + ahead.effect
-            doubt = ahead.transition @ doubt @ ahead.transition.T + np.diag(ahead.noise**2)
+        for passed in past:
+            there = self.course.predicted(passed.period, passed.correction, found, passed.ahead)
+            found, effect = there.strains, there.transition @ effect + there.effect
+            doubt = there.transition @ doubt @ there.transition.T + np.diag(there.noise**2)
         if np.isfinite(found).all():  # else the model has no answer to learn from
             noise = np.sqrt(np.diag(doubt + sight.noise))
             self.watch.add(effect / noise[:, None], (sight.strains.ravel() - found) / noise)
@@ -192,10 +204,11 @@ class Tracker:
     def _pull(self, period: Period) -> Floats:
         return period.linear.slopes.T @ (period.linear.weights * (self.bias + period.linear.aims))
 
-    def _effect(self, period: Period, correction: Floats) -> Floats:
+    def _effect(self, passed: _Passed) -> Floats:
         """Derivative of the shape at a period's end by the errors: a wrong gain acts on the whole level, correction included."""
-        effect = period.linear.disturbance.copy()
-        effect[:, : self._gains] += (period.linear.influence * correction) @ self.course.channels.members
+        linear = passed.period.linear
+        effect = linear.disturbance.copy()
+        effect[:, : self._gains] += (linear.influence * passed.correction) @ self.course.channels.members
         return effect
 
     def _ahead_standing(self, period: Period) -> Floats:

@@ -13,6 +13,7 @@ from ..solving.plan import Plan
 from .design import Course
 from .margins import margins
 from .observer import Observer
+from .pace import Pace, Paced
 from .tracking import Tracker
 
 
@@ -47,6 +48,7 @@ class TVLQR:
         self._tracker = self.tracker(self._course)
         self._observer = Observer(self._model, self.plan.task.convention.pole)
         self._correction, self._largest = np.zeros(len(self._course.channels)), 0.0
+        self._pace = Pace(self.plan)
         self._dead: dict[str, float] = {}
 
     def levels(self, observation: Observation, reading: ClockReading) -> ActivationSource:
@@ -57,14 +59,17 @@ class TVLQR:
         self._now, before = reading.now, self._correction
         index = round((reading.begin - self._course.since) / self._course.period) if reading.end > reading.begin else None
         age = max(round((reading.now - observation.time) / self._course.period), 0)
-        self._correction = self._tracker.correct(index, self._observer.see(observation), clock=reading.begin, age=age)
+        ahead = self._pace.ahead, self._pace.decide(observation, reading)
+        self._correction = self._tracker.correct(index, self._observer.see(observation), clock=reading.begin, age=age, ahead=ahead[1])
         self._largest = max(self._largest, float(np.abs(self._correction).max()))
         for group in self._tracker.watch.dead:
             self._dead.setdefault(group, reading.now)
+        clock = reading.begin, reading.end
+        paced = Paced(self._activation, self._course.channels, clock, ahead)
         return Corrected(
-            activation=self._activation, begin=reading.now, period=reading.period, clock=(reading.begin, reading.end),
+            activation=paced, begin=reading.now, period=reading.period, clock=clock,
             groups=tuple(channel.group for channel in self._course.channels.each), before=before, after=self._correction,
-            places=self._course.channels,
+            places=paced,
         )  # fmt: skip
 
     def state(self) -> dict[str, Any]:
@@ -80,6 +85,7 @@ class TVLQR:
             "dead": dict(self._dead),
             "tracker": self._tracker.state(),
             "observer": self._observer.state(),
+            "pace": self._pace.state(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -92,6 +98,7 @@ class TVLQR:
         self._design_time, self._dead = state["design_time"], dict(state["dead"])
         self._tracker.restore(state["tracker"])
         self._observer.restore(state["observer"])
+        self._pace.restore(state["pace"])
 
     def report(self) -> ControllerReport:
         """Largest correction, the errors of gains and drag that it believes in, and the groups that it takes for dead."""

@@ -23,7 +23,8 @@ class PacketGoal(ScalarGoal):
 
     quantity: ClassVar[str] = "packet"
     unit: ClassVar[str] = "m"
-    steered: ClassVar[bool] = False  # a fourth power is no more linear than the way of one correction
+    steered: ClassVar[bool] = False  # levels say how strongly the arm bends, not where
+    timed: ClassVar[bool] = True
     tolerance: float = 0.008
 
     def read(self, outputs: Outputs) -> Expression:
