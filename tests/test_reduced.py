@@ -13,7 +13,7 @@ from octoctrl.planners.model.drag_kernels import drag_impulse, drag_tangent, set
 from octoctrl.planners.model.drag_slope_kernels import impulse_along, set_shape_slopes
 from octoctrl.planners.model.dynamics import residual, statics
 from octoctrl.planners.model.fibre_kernels import fibre_room, section_impulse, section_slopes, set_fibres
-from octoctrl.planners.model.kinematics import BASE_FRAME, hat_means, hat_values, rotation_vectors, rotations
+from octoctrl.planners.model.kinematics import BASE_FRAME, hat_means, hat_values, rotation_vectors
 from octoctrl.planners.model.output_kernels import OUTPUTS
 from octoctrl.planners.model.parameters import FACTORS
 from octoctrl.planners.model.reduced import LAWS, ReducedModel, ReducedParameters
@@ -22,6 +22,7 @@ from octoctrl.planners.model.stepping_kernels import buffers
 from octoctrl.sim.activation import Activation, Plateau
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, LumpedSection, azimuth
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.rotations import rotation_matrix
 from octoctrl.sim.scene.scene import Scene
 
 COIL = Activation(
@@ -65,7 +66,7 @@ def moved_nodes(model, strains, pieces=60):
     for weights, width in zip(hats, np.diff(edges), strict=True):
         k1, k2, k3, e = weights @ strains
         step = width / pieces
-        half = rotations(0.5 * step * np.array([k1, k2, k3])).T
+        half = rotation_matrix(0.5 * step * np.array([k1, k2, k3]))
         for _ in range(pieces):
             frame = half @ frame
             point = point + e * step * frame[2]
@@ -358,7 +359,9 @@ def test_outputs_are_those_that_casadi_writes(model, bent):
     twist, writhe, link, length, tip, frame, uturn = function(q := ca.SX.sym("q", 4, 8), pole)
     every = ca.vertcat(twist, writhe, link, length, tip, frame[:, 2], uturn)
     both = ca.Function("both", [q], [every, ca.jacobian(every, ca.vec(q))])
-    for strains in (bent[0], model.rest, model.respond(COIL, 4.0).strains[-1]):
+    # Of the last ones the angles that add up to link pass several half turns, in one direction and in the other.
+    coils = (np.tile([hand * 160.0, 0.0, hand * 90.0, 1.0], (8, 1)) for hand in (1, -1))
+    for strains in (bent[0], model.rest, model.respond(COIL, 4.0).strains[-1], *coils):
         values, slopes = model.outputs(strains[None], pole)
         expected, jacobian = (part.full() for part in both(strains.T))
         np.testing.assert_allclose(values[0], expected.ravel(), atol=1e-10)

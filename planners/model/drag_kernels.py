@@ -37,7 +37,8 @@ class Shape(NamedTuple):
     """Twists per strain rate and far ends of the elements, M of them; buffers.
 
     `turning` (M, 3, 3), `moving` (M, 3, 4), `points` (M, 3), `tangents` (M, 3), `middles` (M, 3, 3): frames half way, `frame` (3, 3),
-    `velocity` and `spin` (M, 3), `jacobian` (9, 4 S): velocity of the point at the base, spin, velocity of the node, `wrench` (6, 4 S).
+    `velocity` and `spin` (M, 3). Of the tangent: `twists` (6, 8) of an element by the strains of its two sections, torque and force
+    at the base by its spin and velocity: `resistance` (6, 6) of all that hangs on the element, `hung` (6, 4 S): sums of it by strains.
     """
 
     turning: Floats
@@ -48,14 +49,15 @@ class Shape(NamedTuple):
     frame: Floats
     velocity: Floats
     spin: Floats
-    jacobian: Floats
-    wrench: Floats
+    twists: Floats
+    resistance: Floats
+    hung: Floats
 
 
 def shape_buffers(elements: int, sections: int) -> Shape:
     """Empty buffers for `elements` elements."""
     each = ((3, 3), (3, 4), (3,), (3,), (3, 3))
-    sizes = (*((elements, *size) for size in each), (3, 3), (elements, 3), (elements, 3), (9, 4 * sections), (6, 4 * sections))
+    sizes = (*((elements, *size) for size in each), (3, 3), (elements, 3), (elements, 3), (6, 8), (6, 6), (6, 4 * sections))
     return Shape(*map(np.zeros, sizes))
 
 
@@ -161,47 +163,88 @@ def drag_impulse(motion: Floats, h: float, elements: Any, shape: Any, out: Float
 
 
 @kernel
+def add_resistance(i: int, h: float, elements: Any, shape: Any) -> None:
+    """Add what the far end of element `i` does to `shape.resistance`, after `drag_impulse`.
+
+    A twist (s, v) of the base moves the node at p by v - P s, P = [p]x; with F' = A there and B about the tangent, it meets the torque
+    (B - PAP) s + PA v and the force A v - AP s. Only what stands in or above the diagonal is kept.
+    """
+    out, x, y, z = shape.resistance, shape.points[i, 0], shape.points[i, 1], shape.points[i, 2]
+    tx, ty, tz = shape.tangents[i, 0], shape.tangents[i, 1], shape.tangents[i, 2]
+    v0, v1, v2, by = shape.velocity[i, 0], shape.velocity[i, 1], shape.velocity[i, 2], 1 / h
+    along = v0 * tx + v1 * ty + v2 * tz
+    n0, n1, n2 = (v0 - along * tx) * by, (v1 - along * ty) * by, (v2 - along * tz) * by
+    speed = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2 + SLOWEST * SLOWEST)
+    normal, steep, turned = elements.quadratic[i] * speed, elements.quadratic[i] / speed, 0.5 * elements.rotational[i]
+    isotropic = elements.linear[i] + normal
+    a00, a11 = isotropic - normal * tx * tx + steep * n0 * n0, isotropic - normal * ty * ty + steep * n1 * n1
+    a22, a01 = isotropic - normal * tz * tz + steep * n2 * n2, steep * n0 * n1 - normal * tx * ty
+    a02, a12 = steep * n0 * n2 - normal * tx * tz, steep * n1 * n2 - normal * ty * tz
+    m00, m10, m20 = y * a02 - z * a01, z * a00 - x * a02, x * a01 - y * a00
+    m01, m11, m21 = y * a12 - z * a11, z * a01 - x * a12, x * a11 - y * a01
+    m02, m12, m22 = y * a22 - z * a12, z * a02 - x * a22, x * a12 - y * a02
+    out[3, 3] += a00
+    out[3, 4] += a01
+    out[3, 5] += a02
+    out[4, 4] += a11
+    out[4, 5] += a12
+    out[5, 5] += a22
+    out[0, 3] += m00
+    out[0, 4] += m01
+    out[0, 5] += m02
+    out[1, 3] += m10
+    out[1, 4] += m11
+    out[1, 5] += m12
+    out[2, 3] += m20
+    out[2, 4] += m21
+    out[2, 5] += m22
+    out[0, 0] += turned * (1 + tx * tx) + y * m02 - z * m01
+    out[0, 1] += turned * tx * ty + z * m00 - x * m02
+    out[0, 2] += turned * tx * tz + x * m01 - y * m00
+    out[1, 1] += turned * (1 + ty * ty) + z * m10 - x * m12
+    out[1, 2] += turned * ty * tz + x * m11 - y * m10
+    out[2, 2] += turned * (1 + tz * tz) + x * m21 - y * m20
+
+
+@kernel
 def drag_tangent(h: float, elements: Any, shape: Any, tangent: Floats) -> None:
-    """Derivative (4 S, 4 S) of `drag_impulse` by the motion, after a call of it."""
-    size, jacobian, wrench = tangent.shape[0], shape.jacobian, shape.wrench
+    """Derivative (4 S, 4 S) of `drag_impulse` by the motion, after a call of it.
+
+    From the tip on: with the resistance H of all that hangs on an element of twists S, its own strains and those of an element e nearer to
+    the base share S_e' H S. The sums of H S over what hangs on an element stand in `shape.hung`, so that one pass along them serves all
+    (composite rigid bodies, Featherstone 2008).
+    """
+    size, resistance, hung, twists = tangent.shape[0], shape.resistance, shape.hung, shape.twists
     tangent[:] = 0.0
-    jacobian[:] = 0.0
-    for i in range(len(elements.first)):
-        a = elements.first[i]
-        for side in range(2):
-            w = elements.weights[i, side]
+    resistance[:] = 0.0
+    hung[:] = 0.0
+    for i in range(len(elements.first) - 1, -1, -1):
+        begin, w0, w1 = 4 * elements.first[i], elements.weights[i, 0], elements.weights[i, 1]
+        add_resistance(i, h, elements, shape)
+        for r in range(3):
             for k in range(4):
-                c = 4 * (a + side) + k
-                for r in range(3):
-                    jacobian[r, c] += w * shape.moving[i, r, k]
-                    if k < 3:
-                        jacobian[3 + r, c] += w * shape.turning[i, r, k]
-        top = min(4 * (a + 2), size)
-        x, y, z = shape.points[i, 0], shape.points[i, 1], shape.points[i, 2]
-        tx, ty, tz = shape.tangents[i, 0], shape.tangents[i, 1], shape.tangents[i, 2]
-        v0, v1, v2 = shape.velocity[i, 0], shape.velocity[i, 1], shape.velocity[i, 2]
-        along = v0 * tx + v1 * ty + v2 * tz
-        n0, n1, n2 = (v0 - along * tx) / h, (v1 - along * ty) / h, (v2 - along * tz) / h
-        speed = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2 + SLOWEST * SLOWEST)
-        normal, steep = elements.quadratic[i] * speed, elements.quadratic[i] / speed
-        isotropic, turned = elements.linear[i] + normal, 0.5 * elements.rotational[i]
-        for c in range(top):
-            w0, w1, w2 = jacobian[3, c], jacobian[4, c], jacobian[5, c]
-            j0, j1, j2 = jacobian[0, c] + w1 * z - w2 * y, jacobian[1, c] + w2 * x - w0 * z, jacobian[2, c] + w0 * y - w1 * x
-            jacobian[6, c], jacobian[7, c], jacobian[8, c] = j0, j1, j2
-            lost, gained = normal * (j0 * tx + j1 * ty + j2 * tz), steep * (j0 * n0 + j1 * n1 + j2 * n2)
-            wrench[0, c] = isotropic * j0 - lost * tx + gained * n0
-            wrench[1, c] = isotropic * j1 - lost * ty + gained * n1
-            wrench[2, c] = isotropic * j2 - lost * tz + gained * n2
-            about = w0 * tx + w1 * ty + w2 * tz
-            wrench[3, c], wrench[4, c], wrench[5, c] = turned * (w0 + about * tx), turned * (w1 + about * ty), turned * (w2 + about * tz)
-        for c in range(top):
-            j0, j1, j2 = jacobian[6, c], jacobian[7, c], jacobian[8, c]
-            w0, w1, w2 = jacobian[3, c], jacobian[4, c], jacobian[5, c]
-            for d in range(c + 1):
-                tangent[c, d] += (
-                    j0 * wrench[0, d] + j1 * wrench[1, d] + j2 * wrench[2, d] + w0 * wrench[3, d] + w1 * wrench[4, d] + w2 * wrench[5, d]
-                )
+                spin, velocity = shape.turning[i, r, k] if k < 3 else 0.0, shape.moving[i, r, k]  # a stretch turns nothing
+                twists[r, k], twists[3 + r, k] = w0 * spin, w0 * velocity
+                twists[r, 4 + k], twists[3 + r, 4 + k] = w1 * spin, w1 * velocity
+        for r in range(6):
+            for d in range(r):
+                resistance[r, d] = resistance[d, r]
+        for side in range(2):
+            for r in range(6):
+                h0, h1, h2 = resistance[r, 0], resistance[r, 1], resistance[r, 2]
+                h3, h4, h5 = resistance[r, 3], resistance[r, 4], resistance[r, 5]
+                for k in range(8):
+                    # Half of it before and half after, for the transpose is added below.
+                    hung[r, begin + k] += 0.5 * (
+                        h0 * twists[0, k] + h1 * twists[1, k] + h2 * twists[2, k]
+                        + h3 * twists[3, k] + h4 * twists[4, k] + h5 * twists[5, k]
+                    )  # fmt: skip
+            for k in range(8 * (1 - side)):
+                t0, t1, t2, t3, t4, t5 = twists[0, k], twists[1, k], twists[2, k], twists[3, k], twists[4, k], twists[5, k]
+                row = tangent[begin + k]
+                for d in range(size):
+                    row[d] += t0 * hung[0, d] + t1 * hung[1, d] + t2 * hung[2, d] + t3 * hung[3, d] + t4 * hung[4, d] + t5 * hung[5, d]
     for c in range(size):
         for d in range(c):
-            tangent[d, c] = tangent[c, d]
+            tangent[c, d] = tangent[d, c] = tangent[c, d] + tangent[d, c]
+        tangent[c, c] *= 2.0

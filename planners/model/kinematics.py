@@ -66,15 +66,6 @@ def element_lengths(stations: Floats) -> Floats:
     return np.diff(edges)
 
 
-def rotations(vectors: Floats) -> Floats:
-    """Rotation matrices exp([v]x), (..., 3, 3), of rotation vectors (..., 3), rad."""
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    cross = np.zeros((*vectors.shape[:-1], 3, 3))
-    cross[..., 2, 1], cross[..., 0, 2], cross[..., 1, 0] = (vectors[..., axis] for axis in range(3))
-    cross = cross - np.swapaxes(cross, -1, -2)
-    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
-
-
 def rotation_vectors(matrices: Floats) -> Floats:
     """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3) that turn by less than half a turn."""
     skew = 0.5 * (matrices - np.swapaxes(matrices, -1, -2))
@@ -100,13 +91,14 @@ def integrate_frames(strains: ArrayLike, stations: Floats, bounds: Floats) -> Fl
     (..., m, 3, 3) float64
         Rows d1, d2, d3.
     """
+    from .output_kernels import frames_along
+
     strains = np.asarray(strains, dtype=float)
     means = hat_means(stations, bounds) * np.diff(stations)[:, None]
-    steps = np.swapaxes(rotations(means @ strains[..., :3]), -1, -2)
     frames = np.empty((*strains.shape[:-2], len(stations), 3, 3))
     frames[..., 0, :, :] = BASE_FRAME
-    for index in range(len(stations) - 1):
-        frames[..., index + 1, :, :] = steps[..., index, :, :] @ frames[..., index, :, :]
+    turns = (means @ strains[..., :3]).reshape(-1, len(means), 3)
+    frames_along(turns, frames.reshape(len(turns), *frames.shape[-3:]))
     return frames
 
 

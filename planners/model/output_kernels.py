@@ -28,8 +28,25 @@ CARRIED = 8
 
 
 @kernel
-def triangle(p: Floats, a: Floats, b: Floats, by_a: Floats, by_b: Floats) -> float:
-    """Signed area of a spherical triangle; adds its gradients by `a` and `b`."""
+def turned(cosine: float, sine: float, n: float, d: float) -> tuple[float, float, float]:
+    """Cosine and sine of an angle after another, atan2(n, d), is added, and by how many whole turns that passes half a turn.
+
+    A sum of angles so needs one arc tangent at its end.
+    """
+    by = 1 / np.sqrt(n * n + d * d)
+    n, d = by * n, by * d
+    real, imaginary = cosine * d - sine * n, sine * d + cosine * n
+    passed = 0.0
+    if n > 0.0 and sine >= 0.0 and imaginary < 0.0:
+        passed = 1.0
+    elif n < 0.0 and sine < 0.0 and imaginary > 0.0:
+        passed = -1.0
+    return real, imaginary, passed
+
+
+@kernel
+def triangle(p: Floats, a: Floats, b: Floats, by_a: Floats, by_b: Floats) -> tuple[float, float]:
+    """Sine and cosine, times one factor, of half the signed area of a spherical triangle; adds the area's gradients by `a` and `b`."""
     n = p[0] * (a[1] * b[2] - a[2] * b[1]) + p[1] * (a[2] * b[0] - a[0] * b[2]) + p[2] * (a[0] * b[1] - a[1] * b[0])
     d = 1 + p[0] * a[0] + p[1] * a[1] + p[2] * a[2] + a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + b[0] * p[0] + b[1] * p[1] + b[2] * p[2]
     size = n * n + d * d
@@ -40,7 +57,7 @@ def triangle(p: Floats, a: Floats, b: Floats, by_a: Floats, by_b: Floats) -> flo
     by_b[0] += f * (p[1] * a[2] - p[2] * a[1]) + g * (p[0] + a[0])
     by_b[1] += f * (p[2] * a[0] - p[0] * a[2]) + g * (p[1] + a[1])
     by_b[2] += f * (p[0] * a[1] - p[1] * a[0]) + g * (p[2] + a[2])
-    return 2 * np.arctan2(n, d)
+    return n, d
 
 
 @kernel
@@ -58,7 +75,8 @@ def sweep_out(
     r[2, 0] = r[0, 1] = r[1, 2] = 1.0
     tangents[0] = r[:, 2]
     pulls[:] = 0.0
-    spin, twist, area = 0.0, 0.0, 0.0
+    twist, turns = 0.0, 0.0
+    real, imaginary = 1.0, 0.0  # of half of what the area and the frame's own rotation add up to
     for i in range(count):
         k1, k2, k3 = 0.0, 0.0, 0.0
         for s in range(q.shape[0]):
@@ -71,8 +89,9 @@ def sweep_out(
         square = k1 * k1 + k2 * k2 + k3 * k3
         size = np.sqrt(square + 1e-14)
         angle = 0.5 * w * size
-        sine, cosine, half = np.sin(angle), np.cos(angle), np.sin(0.5 * angle) / size
-        first, second = sine / size, 2 * half * half
+        half, sine = np.sin(0.5 * angle), 2 * np.sin(0.5 * angle) * np.cos(0.5 * angle)
+        cosine = 1 - 2 * half * half
+        first, second = sine / size, 2 * half * half / (size * size)
         e00, e11, e22 = 1 + second * (k1 * k1 - square), 1 + second * (k2 * k2 - square), 1 + second * (k3 * k3 - square)
         e01, e10 = second * k1 * k2 - first * k3, second * k1 * k2 + first * k3
         e02, e20 = second * k1 * k3 + first * k2, second * k1 * k3 - first * k2
@@ -90,15 +109,20 @@ def sweep_out(
             r[c, 0], r[c, 1], r[c, 2] = m0 * e00 + m1 * e10 + m2 * e20, m0 * e01 + m1 * e11 + m2 * e21, m0 * e02 + m1 * e12 + m2 * e22
             tangents[i + 1, c] = r[c, 2]
         y = u3 * sine
-        spin += 2 * np.arctan2(y, cosine)
+        real, imaginary, passed = turned(real, imaginary, y, cosine)
+        turns += passed
         twist += k3 * w
         for c in range(3):
             u = u1 if c == 0 else u2 if c == 1 else u3
             by_y = (sine / size if c == 2 else 0.0) - u3 * u * sine / size + 0.5 * w * u3 * u * cosine
             spins[i, c] = 2 * (cosine * by_y + 0.5 * w * y * u * sine) / (y * y + cosine * cosine)
-        area += triangle(pole, tangents[i], tangents[i + 1], pulls[i], pulls[i + 1])
-    area += triangle(pole, tangents[count], tangents[0], pulls[count], pulls[0])
-    values[TWIST], values[LINK] = twist / (2 * pi), (area + spin) / (2 * pi)
+        n, d = triangle(pole, tangents[i], tangents[i + 1], pulls[i], pulls[i + 1])
+        real, imaginary, passed = turned(real, imaginary, n, d)
+        turns += passed
+    n, d = triangle(pole, tangents[count], tangents[0], pulls[count], pulls[0])
+    real, imaginary, passed = turned(real, imaginary, n, d)
+    turns += passed
+    values[TWIST], values[LINK] = twist / (2 * pi), np.arctan2(imaginary, real) / pi + 2 * turns
     values[WRITHE] = values[LINK] - values[TWIST]
     values[LENGTH:UTURN] = 0.0
     values[UTURN] = 1.0
@@ -159,6 +183,28 @@ def sweep_back(
             gradients[LENGTH, s, 3] += part
             for c in range(3):
                 gradients[TIP + c, s, 3] += part * tangents[i + 1, c]
+
+
+@kernel
+def frames_along(turns: Floats, frames: Floats) -> None:
+    """Frames (T, m, 3, 3), rows d1, d2, d3, of T instants from those of the first station and the rotation vectors (T, m - 1, 3), rad, in
+    the frame, between stations.
+    """
+    for t in range(len(turns)):
+        for i in range(turns.shape[1]):
+            x, y, z = turns[t, i, 0], turns[t, i, 1], turns[t, i, 2]
+            angle = np.sqrt(x * x + y * y + z * z + 1e-30)
+            half = np.sin(0.5 * angle)
+            first, second = 2 * half * np.cos(0.5 * angle) / angle, 2 * half * half / (angle * angle)
+            before, after = frames[t, i], frames[t, i + 1]
+            for c in range(3):
+                a, b, d = before[0, c], before[1, c], before[2, c]
+                # u x d_k summed along the rows: what the transpose of exp([u]x) does to the three of them.
+                along = second * (x * a + y * b + z * d)
+                kept = 1 - second * (x * x + y * y + z * z)
+                after[0, c] = kept * a + along * x + first * (z * b - y * d)
+                after[1, c] = kept * b + along * y + first * (x * d - z * a)
+                after[2, c] = kept * d + along * z + first * (y * a - x * b)
 
 
 @kernel

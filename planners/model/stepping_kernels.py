@@ -74,13 +74,16 @@ def buffers(model: StepModel, groups: int, columns: int) -> Buffers:
 
 @kernel
 def factorise(matrix: Floats) -> None:
-    """U' D^-1 U of a symmetric positive definite matrix, in place of its upper half, D the diagonal of U."""
-    size = matrix.shape[0]
-    for k in range(size):
-        for i in range(k + 1, size):
-            share, row, pivot = matrix[k, i] / matrix[k, k], matrix[i, i:], matrix[k, i:]
+    """U' D U of a symmetric positive definite matrix, in place of its upper half: D^-1 on the diagonal, above it U with 1 on its own."""
+    for k in range(matrix.shape[0]):
+        inverse, pivot = 1 / matrix[k, k], matrix[k, k + 1 :]
+        for i in range(len(pivot)):
+            share, row, rest = inverse * pivot[i], matrix[k + 1 + i, k + 1 + i :], pivot[i:]
             for j in range(len(row)):
-                row[j] -= share * pivot[j]
+                row[j] -= share * rest[j]
+        for j in range(len(pivot)):
+            pivot[j] *= inverse
+        matrix[k, k] = inverse
 
 
 @kernel
@@ -88,17 +91,19 @@ def substitute(factor: Floats, right: Floats) -> None:
     """Solve for the columns of `right` (n, p), in place, with what `factorise` left."""
     size, columns = right.shape
     for k in range(size):
+        known = right[k]
         for i in range(k + 1, size):
-            share = factor[k, i] / factor[k, k]
+            value, row = factor[k, i], right[i]
             for c in range(columns):
-                right[i, c] -= share * right[k, c]
+                row[c] -= value * known[c]
     for i in range(size - 1, -1, -1):
-        for k in range(i + 1, size):
-            value = factor[i, k]
-            for c in range(columns):
-                right[i, c] -= value * right[k, c]
+        row = right[i]
         for c in range(columns):
-            right[i, c] /= factor[i, i]
+            row[c] *= factor[i, i]
+        for k in range(i + 1, size):
+            value, known = factor[i, k], right[k]
+            for c in range(columns):
+                row[c] -= value * known[c]
 
 
 @kernel
@@ -106,14 +111,14 @@ def substitute_one(factor: Floats, right: Floats) -> None:
     """As `substitute`, for one column (n,)."""
     size = len(right)
     for k in range(size):
-        share, row, below = right[k] / factor[k, k], factor[k, k + 1 :], right[k + 1 :]
+        known, row, below = right[k], factor[k, k + 1 :], right[k + 1 :]
         for i in range(len(row)):
-            below[i] -= share * row[i]
+            below[i] -= known * row[i]
     for i in range(size - 1, -1, -1):
-        value = right[i]
+        value = right[i] * factor[i, i]
         for k in range(i + 1, size):
             value -= factor[i, k] * right[k]
-        right[i] = value / factor[i, i]
+        right[i] = value
 
 
 @kernel
