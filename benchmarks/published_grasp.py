@@ -54,8 +54,8 @@ def moved(name, objects, duration, dt):
     """The published arm among objects, and its plant."""
     programme = tasks.programme(name)
     plant = oc.make_plant(
-        "assembly", scene=Scene(water=programme.scene.water, objects=objects), paper_compatible=True, dt=dt, sample_interval=2e-3,
-        record_every=10,
+        "assembly", scene=Scene(water=programme.scene.water, objects=objects), paper_compatible=True, dt=dt, sample_interval=5e-4,
+        record_every=40,
     )  # fmt: skip
     return plant, lambda: plant.advance(programme.activation, duration)
 
@@ -77,8 +77,11 @@ def fig4a(folder):
         i = int(np.abs(run.time - t).argmin())
         off, aside = np.linalg.norm(tip[i]), 1e3 * np.linalg.norm(post[i])
         print(f"{run.time[i]:12.2f} {off:12.2f} {wound[i]:9.3f} {wound_there[i]:10.3f} {aside:13.1f} {1e3 * touch.deepest[i]:10.2f}")
-    worst = np.abs(wound - wound_there).max(), 1e3 * np.linalg.norm(post, axis=1).max(), np.linalg.norm(tip, axis=1).max()
-    print("largest to 2.5 s: winding {:.4f}, post {:.1f} um, tip {:.2f} mm".format(*worst))
+    print("largest to 2.5 s:", ", ".join([
+        _largest(run.time, "winding", np.abs(wound - wound_there)),
+        _largest(run.time, "post (um)", 1e3 * np.linalg.norm(post, axis=1)),
+        _largest(run.time, "tip (mm)", np.linalg.norm(tip, axis=1)),
+    ]))  # fmt: skip
 
 
 def fig4i(folder):
@@ -95,7 +98,13 @@ def fig4i(folder):
         i = int(np.abs(run.time - t).argmin())
         print(f"{run.time[i]:12.2f} {np.linalg.norm(tip[i]):12.2f} {twisted[i]:8.4f} {off[i]:8.4f}")
     depth = [1e3 * Touch.of(run.series, f"post {k}").deepest.max() for k in (1, 2)]
-    print(f"largest to 1.2 s: tip {np.linalg.norm(tip, axis=1).max():.2f} mm, writhe {np.abs(off).max():.4f}; depth in posts {depth} mm")
+    print("largest to 1.2 s:", _largest(run.time, "tip (mm)", np.linalg.norm(tip, axis=1)), ",", _largest(run.time, "writhe", np.abs(off)))
+    print("depth in posts (mm):", *np.round(depth, 2))
+
+
+def _largest(times, name, values):
+    place = int(values.argmax())
+    return f"{name} {values[place]:.4f} at {times[place]:.2f} s"
 
 
 def main():
