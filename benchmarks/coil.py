@@ -120,10 +120,7 @@ def planning_times(configuration, identified):
 
 
 def wrong_plant(plan, longitudinal, oblique, drag):
-    def scaled(law, factor):
-        return replace(law, maximum_stress=factor * law.maximum_stress, passive_scale=law.passive_scale / factor)
-
-    arm = replace(plan.arm, longitudinal=scaled(plan.arm.longitudinal, longitudinal), oblique=scaled(plan.arm.oblique, oblique))
+    arm = replace(plan.arm, longitudinal=plan.arm.longitudinal.stronger(longitudinal), oblique=plan.arm.oblique.stronger(oblique))
     return Plant(arm, Scene.free(factor=drag))
 
 

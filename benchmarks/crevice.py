@@ -18,7 +18,7 @@ from octoctrl.carrying.trials import plant_for, schedule_of, since
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.solving.grasping import objects_held
-from octoctrl.planners.solving.scenarios import Scenario
+from octoctrl.planners.solving.scenarios import ERRORS, Scenario
 from octoctrl.progress import NullProgress
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.errors import PlantUnstableError
@@ -67,7 +67,7 @@ VARIED: dict[str, Callable[[oc.Scene], oc.Scene]] = {
 
 def became(plan: oc.Plan, scenario: Scenario) -> str:
     """One row: what became of the bar in a scenario."""
-    plant = plant_for(SEARCHED_ON, plan.arm, scenario.scene(plan.scene, objects_held(plan.task)))
+    plant = plant_for(SEARCHED_ON, scenario.arm(plan.arm), scenario.scene(plan.scene, objects_held(plan.task)))
     plant.reset()
     schedule = schedule_of(tuple(map(scenario.primitive, plan.schedule.primitives)), plan.schedule.duration)
     try:
@@ -87,8 +87,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("task", nargs="?", type=Path, default=ROOT / "examples" / "crevice.toml")
     parser.add_argument("--varied", nargs="*", default=[], help="variations by the begin of their names, or 'all'")
+    parser.add_argument("--unsearched", action="store_true", help="carry out the numbers of the task file as they are")
     chosen = parser.parse_args()
     configuration = oc.tasks.load(chosen.task)
+    if chosen.unsearched:
+        configuration = replace(configuration, plan=replace(configuration.plan, time_limit=1e-3))
     names = [name for name in VARIED if any(name.startswith(word) or word == "all" for word in chosen.varied)]
     scenes = {name: VARIED[name](configuration.scene) for name in names} or {"as shipped": configuration.scene}
     for name, scene in scenes.items():
@@ -96,7 +99,7 @@ def main() -> None:
         plan = oc.plan(replace(configuration, scene=scene))
         print(f"{name}: {plan.status.name.lower()}, {process_time() - begin:.0f} s of processor {plan.report.reason}", flush=True)
         print("  scenario  least C      end C  turn, deg  end x, mm  depth, mm")
-        errors = {word: getattr(configuration.plan, f"{word}_error") for word in ("twist", "bend", "profile")}
+        errors = {word: getattr(configuration.plan, f"{word}_error") for word in ERRORS}
         work = Work(plan.arm, scene, None, NullProgress(), 0.0, configuration.plan.seed, errors=errors)
         for number, scenario in enumerate(scenarios_of(plan.task, work)):
             print(f"  {number:8d} {became(plan, scenario)}", flush=True)

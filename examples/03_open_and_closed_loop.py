@@ -13,11 +13,7 @@ import octoctrl as oc
 
 def other_plant(arm, *, longitudinal=1.0, oblique=1.0, drag=1.0):
     """A plant with other active stresses (the passive ones are kept) and another drag than the plan's."""
-
-    def scaled(law, factor):
-        return replace(law, maximum_stress=law.maximum_stress * factor, passive_scale=law.passive_scale / factor)
-
-    changed = replace(arm, longitudinal=scaled(arm.longitudinal, longitudinal), oblique=scaled(arm.oblique, oblique))
+    changed = replace(arm, longitudinal=arm.longitudinal.stronger(longitudinal), oblique=arm.oblique.stronger(oblique))
     return oc.Plant(changed, oc.Scene.free(factor=drag))
 
 

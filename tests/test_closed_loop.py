@@ -41,11 +41,7 @@ def short(plan):
 
 def weakened(arm, longitudinal=1.0, oblique=1.0):
     """An arm whose muscles have another gain, and everything else as it was."""
-
-    def scaled(law, factor):
-        return replace(law, maximum_stress=factor * law.maximum_stress, passive_scale=law.passive_scale / factor)
-
-    return replace(arm, longitudinal=scaled(arm.longitudinal, longitudinal), oblique=scaled(arm.oblique, oblique))
+    return replace(arm, longitudinal=arm.longitudinal.stronger(longitudinal), oblique=arm.oblique.stronger(oblique))
 
 
 def rms(values):

@@ -1,5 +1,6 @@
 """Plans for what touches: primitives in azimuths and turns, what is read of a hold, scenarios, and a search from task to verdict."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,15 @@ from matplotlib.colors import rgb_to_hsv
 
 import octoctrl as oc
 from octoctrl.carrying import calibrating, searching, tugging
+from octoctrl.carrying.adapting import adapted
+from octoctrl.carrying.checking import Programme
 from octoctrl.carrying.searching import plan_by_search
 from octoctrl.carrying.trials import plant_for, schedule_of
 from octoctrl.carrying.tugging import tugs
 from octoctrl.pictures.maps import activation_maps, bend_colours
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
+from octoctrl.planners.asking.goals.twist import TwistGoal
 from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve, shared_level
 from octoctrl.planners.contracts import ClockReading
 from octoctrl.planners.following.gripping import Gripping
@@ -90,6 +94,15 @@ def test_turns_become_levels_by_the_curve_of_the_plant():
         _ = replace(twist, curve=None).level
     with pytest.raises(OctoctrlError, match="must both rise"):
         TwistCurve(levels=(0.0, 0.2), turns=(0.0, 0.0))
+
+
+def test_twist_begins_nearer_to_the_base_on_a_plant_that_stores_less():
+    weaker = TwistCurve(levels=CURVE.levels, turns=(0.0, 1.0, 2.5))
+    twist = StoreTwist(turns=0.3, start=0.06, stop=0.14, curve=CURVE)
+    (here,), (there,) = twist.templates(), replace(twist, curve=weaker).templates()
+    assert here.window == (0.06, 0.14) and 0.1 < here.level < 0.3
+    assert there.window == pytest.approx((0.02, 0.14)) and there.level == pytest.approx(0.3), "0.3 turns at 2.5 turns/m"
+    assert replace(twist, turns=0.9, curve=weaker).part() == (0.0, 0.14), "an arm is no longer than it is"
 
 
 def test_the_curve_is_measured_once_and_gives_the_turns_that_are_asked_for(tmp_path, monkeypatch):
@@ -172,7 +185,10 @@ def test_scenarios_change_what_they_say():
     other = replace(POST, name="other")
     moved, left = found.scene(oc.Scene(objects=(POST, other)), {"post"}).objects
     assert left == other and moved.friction == (0.2, 0.2) and moved.position == pytest.approx((-0.021, 0.06, -0.01))
-    drawn = four(np.random.default_rng(1))
+    weak = Scenario(oblique=0.85).arm(ARM)
+    assert weak == replace(ARM, oblique=ARM.oblique.stronger(0.85)) and found.arm(ARM) is ARM
+    drawn = four(np.random.default_rng(1), oblique=0.15)
+    assert [item.oblique for item in drawn] == pytest.approx([1.0, 1.15, 0.85, 1.1])
     assert len(drawn) == 4 and drawn[0] == Scenario() and {item.friction for item in drawn} == {1.0, 2.0, 0.5}
     assert all(np.linalg.norm(item.shift) == pytest.approx(2.5e-3) for item in drawn[1:])
 
@@ -534,8 +550,9 @@ def test_the_crevice_is_a_task_of_this_scene():
     task = configuration.task.on(configuration.arm)
     check_objects(task, configuration.scene)
     assert is_simulated(task) and objects_held(task) == {"bar", "post 1"} and held_at_the_end(task) == {"bar"}
-    assert searching.begins_of(task) == {"pass": 0.0, "grasp": 2.5, "turn": 5.7, "before": 9.0, "out": 10.5}
-    assert [[phase.name for phase in phases] for phases in searching.at_once(task)] == [["pass"], ["grasp", "turn"], ["before"], ["out"]]
+    assert searching.begins_of(task) == {"pass": 0.0, "grasp": 2.5, "turn": 5.7, "before": 9.0, "out": 10.5, "away": 15.5}
+    together = [[phase.name for phase in phases] for phases in searching.at_once(task)]
+    assert together == [["pass"], ["grasp", "turn"], ["before", "out"], ["away"]]
     assert too_short(task, configuration.arm, configuration.scene) == ""
 
 
@@ -596,3 +613,28 @@ def test_the_grasp_that_comes_along_is_held_in_all_scenarios():
     assert plan.status is PlanStatus.HELD, plan.report.reason
     assert plan.report.starts < 60, "the first numbers are near"
     assert oc.verify(oc.execute(plan)).passed
+
+
+def test_turns_are_chosen_on_the_plant_whose_curve_promised_too_many():
+    """The curve says a quarter more than is stored: a fifth more is enough, and no less that is tried; nothing else changes."""
+    true = calibrating.twist_curve(ARM, oc.Water(), "rod")
+    wrong = replace(true, turns=tuple(1.25 * turns for turns in true.turns))
+    goal = TwistGoal(between=(0.265, 0.32), tolerance=0.02)
+    phases = (oc.Phase(name="bend", duration=0.5), oc.Phase(name="twist", duration=2.0, goals=(goal,)))
+    drives = (
+        oc.Drive(name="lean", primitive=Swing(level=0.1), begins="bend", free=("level",)),
+        oc.Drive(name="twist", primitive=StoreTwist(turns=0.3, stop=0.1), begins="twist", free=("stop", "turns")),
+    )
+    task, numbers = oc.Task(name="twisted", phases=phases, drives=drives), {"lean.level": 0.005, "twist.turns": 0.3, "twist.stop": 0.1}
+    work = searching.Work(ARM, oc.Scene(water=oc.Water()), None, searching.NullProgress(), 1.0, 0)
+    stage = searching._stage(task, phases[1:], (), work, (PLANNED,), (None,), true)
+    primitives = tuple(drive.at(stage.begins, {}) for drive in drives)
+    programme = Programme(task, numbers, primitives, stage, np.array([0.1, 0.3]), (0.0,))
+    with ThreadPoolExecutor(1) as executor:
+        found, said = adapted(programme, wrong, "rod", executor, searching.NullProgress())
+        as_promised, saying = adapted(programme, true, "rod", executor, searching.NullProgress())
+    assert found.numbers == numbers | {"twist.turns": pytest.approx(0.36)} and found.primitives[1].turns == pytest.approx(0.36)
+    assert found.primitives[0] == primitives[0] and said == ["phase 'twist' on the plant 'rod', 6 trials: twist.turns 0.36"]
+    assert as_promised.numbers == numbers and saying == ["phase 'twist' on the plant 'rod', 1 trial: twist.turns 0.3"]
+    fixed = replace(programme, task=replace(task, drives=(drives[0], replace(drives[1], free=("stop",)))))
+    assert adapted(fixed, wrong, "rod", None, None) == (fixed, [])

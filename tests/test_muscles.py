@@ -88,6 +88,14 @@ def test_isometric_force_is_activation_times_stress_times_factor(law):
 
 
 @LAWS
+def test_a_stronger_muscle_pulls_more_and_resists_as_before(law):
+    stretch, stronger = np.linspace(0.5, 2.0, 31), law.stronger(1.3)
+    np.testing.assert_allclose(stronger.passive_stress(stretch), law.passive_stress(stretch), rtol=1e-12)
+    active = law.stress(stretch, 0.1, 0.4) - law.passive_stress(stretch)
+    np.testing.assert_allclose(stronger.stress(stretch, 0.1, 0.4) - stronger.passive_stress(stretch), 1.3 * active, rtol=1e-12, atol=1e-9)
+
+
+@LAWS
 @pytest.mark.parametrize("factor", [1.0, 2.7])
 def test_compiled_passive_stress_is_the_law(law, factor):
     constants = law_constants(law, factor)

@@ -83,6 +83,7 @@ def plan(
     if configuration.plan.sections is not None:
         identified = identified.divided(configuration.plan.sections)
     from octoctrl.planners.solving.grasping import is_simulated
+    from octoctrl.planners.solving.scenarios import ERRORS
 
     limit = configuration.plan.time_limit if time_limit is None else time_limit
     if is_simulated(configuration.task):
@@ -95,7 +96,7 @@ def plan(
             time_limit=limit,
             seed=configuration.plan.seed,
             spread=configuration.plan.spread,
-            errors={name: getattr(configuration.plan, f"{name}_error") for name in ("twist", "bend", "profile")},
+            errors={name: getattr(configuration.plan, f"{name}_error") for name in ERRORS},
             executor=executor,
             progress=progress,
         )

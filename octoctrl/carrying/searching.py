@@ -26,20 +26,18 @@ from octoctrl.planners.solving.plan import Plan
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.contracts import State
-from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import check_plant
 from octoctrl.sim.scene.scene import Scene
 
 from ..progress import NullProgress, Progress
+from .adapting import adapted
 from .calibrating import twist_curve
 from .checking import Findings, Programme, begins_of, by_scenario, checked, refused
-from .trials import HOPELESS, Stage, plant_for, schedule_of
+from .trials import HOPELESS, Stage, at_once, plant_for, schedule_of
 
 SEARCHED_ON = "rod"
 """The plant on which is searched."""
-
-ENOUGH = 0.15
-"""Price of a goal that needs no bettering, unless it says one."""
 
 POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
 """Trials of a round, rounds of a phase at most; how often it begins anew, and after how many rounds of each of these the best goes on
@@ -127,7 +125,7 @@ def plan_by_search(
     spread : float
         How far it looks at first from the task's own numbers, over the usual.
     errors : mapping of str to float, optional
-        ``twist``, ``bend`` and ``profile`` of the scenarios, see `octoctrl.planners.solving.scenarios.four`.
+        ``twist``, ``bend``, ``profile`` and ``oblique`` of the scenarios, see `octoctrl.planners.solving.scenarios.four`.
     executor : Executor, optional
         Of `concurrent.futures`, or anything like it; all cores of this machine if omitted. What is found does not depend on it.
     progress : Progress, optional
@@ -155,7 +153,9 @@ def plan_by_search(
     with held as workers:
         work = Work(arm, scene, workers, display, time_limit, seed, population, rounds, spread, errors or {})
         found = _searched(task, work, curve)
-    searched = process_time() - processor
+        searched = process_time() - processor
+        if plant != SEARCHED_ON and not work.over():
+            found = _on_the_plant(found, own, plant, work)
     made = checked(found, model, own, plant, display)
     report = replace(
         made.report, stages={"search": searched, "check": process_time() - processor - searched}, wall_time=perf_counter() - begin
@@ -207,15 +207,13 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     return Findings(programmes, tuple(tried), count, worst)
 
 
-def at_once(task: Task) -> list[tuple[Phase, ...]]:
-    """The phases of a `task`, those that are searched together side by side."""
-    found: list[tuple[Phase, ...]] = []
-    for number, phase in enumerate(task.phases):
-        if number and task.phases[number - 1].with_next:
-            found[-1] += (phase,)
-        else:
-            found.append((phase,))
-    return found
+def _on_the_plant(found: Findings, curve: TwistCurve, plant: str, work: Work) -> Findings:
+    """What was `found`, the first programme with the turns that suit a `plant` whose `curve` is given."""
+    try:
+        programme, said = adapted(found.programmes[0], curve, plant, work.executor, work.progress)
+    except PlantUnstableError as error:
+        return replace(found, tried=(*found.tried, f"turns were not chosen on the plant '{plant}': {error}"))
+    return replace(found, programmes=[programme, *found.programmes[1:]], tried=(*found.tried, *said))
 
 
 def _in_order(task: Task, primitives: Sequence[Primitive]) -> tuple[Primitive, ...]:
@@ -232,7 +230,7 @@ def scenarios_of(task: Task, work: Work) -> tuple[Scenario, ...]:
         found = four(draw, **work.errors)
         try:
             for scenario in found:
-                plant_for(SEARCHED_ON, work.arm, scenario.scene(work.scene, held))
+                plant_for(SEARCHED_ON, scenario.arm(work.arm), scenario.scene(work.scene, held))
             return found
         except OctoctrlError:
             continue
@@ -310,7 +308,7 @@ def _search_phase(
     """
     name, unknowns = stage.name, stage.unknowns
     own = unknowns.mean
-    enough = sum(float(getattr(goal, "enough", ENOUGH)) for phase in stage.phases for goal in phase.goals)
+    enough = stage.enough
     if not unknowns.names:
         return [Candidate(own, stage(own))], [], 1
     judged = work.executor.submit(stage, own).result()

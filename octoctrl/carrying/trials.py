@@ -51,6 +51,9 @@ range."""
 FARTHEST = {"start": 0.8, "stop": 1.0}
 """Share of the arm up to which the ends of a window may be chosen."""
 
+ENOUGH = 0.15
+"""Price of a goal that needs no bettering, unless it says one."""
+
 _LOCAL = threading.local()
 
 
@@ -74,6 +77,17 @@ def plant_for(plant: str, arm: Arm, scene: Scene, record_every: int = RECORD, *,
 def schedule_of(primitives: tuple[Primitive, ...], duration: float) -> Schedule:
     """A schedule of `primitives` that add up for a `duration`, s, kept below 1: how searched drives combine."""
     return Schedule(primitives=primitives, duration=duration, composition="add", on_saturation="clip")
+
+
+def at_once(task: Task) -> list[tuple[Phase, ...]]:
+    """The phases of a `task`, those that are searched together side by side."""
+    found: list[tuple[Phase, ...]] = []
+    for number, phase in enumerate(task.phases):
+        if number and task.phases[number - 1].with_next:
+            found[-1] += (phase,)
+        else:
+            found.append((phase,))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +173,11 @@ class Stage:
         return "' and '".join(phase.name for phase in self.phases)
 
     @property
+    def enough(self) -> float:
+        """Price that needs no bettering."""
+        return sum(float(getattr(goal, "enough", ENOUGH)) for phase in self.phases for goal in phase.goals)
+
+    @property
     def duration(self) -> float:
         """Of all its phases, s."""
         return sum(phase.duration for phase in self.phases)
@@ -177,7 +196,7 @@ class Stage:
     def run(self, x: Floats, number: int, *, quick: bool = False) -> tuple[Recording, Plant]:
         """What numbers `x` come to in scenario `number`, with `quick` samples or usual ones, and the plant at its end."""
         scenario, state = self.scenarios[number], self.states[number]
-        plant = plant_for(self.plant, self.arm, self.scene_in(scenario), quick=quick)
+        plant = plant_for(self.plant, scenario.arm(self.arm), self.scene_in(scenario), quick=quick)
         plant.reset()
         if state is not None:
             plant.restore(state)

@@ -34,8 +34,9 @@ class PlanSettings:
         Of the numbers that are drawn where a task is searched by simulating.
     spread : float
         How far such a search looks at first from the task's own numbers, over the usual.
-    twist_error, bend_error, profile_error : float
-        What such a plan must withstand: shares by which twist and bends may come out otherwise, and by how much a bend's profile may.
+    twist_error, bend_error, profile_error, oblique_error : float
+        What such a plan must withstand: shares by which twist and bends may come out otherwise, by how much a bend's profile may, and the
+        share by which the oblique muscles may pull more or less.
     """
 
     time_limit: float = 60.0
@@ -45,6 +46,7 @@ class PlanSettings:
     twist_error: float = 0.3
     bend_error: float = 0.15
     profile_error: float = 0.25
+    oblique_error: float = 0.0
 
     def __post_init__(self) -> None:
         check_number("time_limit", self.time_limit, above=0.0, unit="s")
@@ -52,7 +54,7 @@ class PlanSettings:
             check_count("sections", self.sections, at_least=2, at_most=40)
         check_count("seed", self.seed, at_least=0)
         check_number("spread", self.spread, above=0.0, at_most=10.0)
-        for name in ("twist_error", "bend_error", "profile_error"):
+        for name in ("twist_error", "bend_error", "profile_error", "oblique_error"):
             check_number(name, getattr(self, name), at_least=0.0, at_most=0.9)
 
 

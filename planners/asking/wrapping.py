@@ -188,6 +188,10 @@ class TwistCurve:
         """Level that stores so many `turns` per metre; the largest where none does."""
         return float(np.interp(abs(turns), self.turns, self.levels))
 
+    def length(self, turns: float) -> float:
+        """Least length of arm that stores so many `turns`, m."""
+        return abs(turns) / self.turns[-1]
+
 
 @register_primitive
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,6 +202,7 @@ class StoreTwist:
     ----------
     turns : float, turns
     start, stop : float, m
+        The part begins nearer to the base than it should where the plant's muscles cannot store so many turns in it.
     onset, rise, offset, fall : float, s
     curve : TwistCurve, optional
         Of the plant that it is carried out on; the planner fills it in.
@@ -227,13 +232,19 @@ class StoreTwist:
             raise OctoctrlError(
                 "twist is asked for in turns, and what level gives them on this plant was not measured; plan the task again"
             )
-        return self.curve.level(self.turns / max(float(self.stop) - float(self.start), LEAST_WINDOW))
+        start, stop = self.part()
+        return self.curve.level(self.turns / (stop - start))
+
+    def part(self) -> tuple[float, float]:
+        """Between which arclengths the twist is stored, m."""
+        start, stop = window(float(self.start), float(self.stop))
+        return start if self.curve is None else max(min(start, stop - self.curve.length(self.turns)), 0.0), stop
 
     def templates(self) -> tuple[Template, ...]:
         """A plateau on one hand."""
         level = self.level if self.curve is not None else 0.0
         numbers = {name: getattr(self, name) for name in ("onset", "rise", "offset", "fall")}
-        return (Plateau(groups=("L-OM" if self.turns > 0 else "R-OM",), level=level, window=window(self.start, self.stop), **numbers),)
+        return (Plateau(groups=("L-OM" if self.turns > 0 else "R-OM",), level=level, window=self.part(), **numbers),)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Ranges in which a search may choose."""

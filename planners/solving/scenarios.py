@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.scene.scene import Scene
 
 from ..contracts import Primitive
@@ -18,6 +19,9 @@ Floats = NDArray[np.float64]
 
 SHIFT = 2.5e-3
 """How far an object stands from where it was taken to stand, m."""
+
+ERRORS = ("twist", "bend", "profile", "oblique")
+"""What of a plan may come out otherwise, as `four` takes it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +34,8 @@ class Scenario:
         Factors on turns that are stored, and on levels that bend.
     profile : float
         What is added to the profile of a bend along the arm.
+    oblique : float
+        Factor on what the oblique muscles pull with, which tells also where they are asked for all that they have.
     friction : float
         Factor on both coefficients of the objects that are held.
     shift : (float, float, float), m
@@ -39,6 +45,7 @@ class Scenario:
     twist: float = 1.0
     bend: float = 1.0
     profile: float = 0.0
+    oblique: float = 1.0
     friction: float = 1.0
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -55,6 +62,10 @@ class Scenario:
             changes["profile"] = max(numbers.profile + self.profile, -1.0)
         changed: Primitive = replace(numbers, **changes)
         return changed
+
+    def arm(self, planned: Arm) -> Arm:
+        """What becomes of a planned arm."""
+        return planned if self.oblique == 1 else replace(planned, oblique=planned.oblique.stronger(self.oblique))
 
     def scene(self, planned: Scene, held: set[str]) -> Scene:
         """What becomes of a planned scene, in which the objects by the names `held` are to be held."""
@@ -73,22 +84,26 @@ PLANNED = Scenario()
 """All is as planned."""
 
 
-def four(draw: np.random.Generator, *, twist: float = 0.3, bend: float = 0.15, profile: float = 0.25) -> tuple[Scenario, ...]:
+def four(
+    draw: np.random.Generator, *, twist: float = 0.3, bend: float = 0.15, profile: float = 0.25, oblique: float = 0.0
+) -> tuple[Scenario, ...]:
     """The scenario as planned and three others.
 
     Parameters
     ----------
     draw : Generator
         Of the directions in which objects are shifted.
-    twist, bend, profile : float
+    twist, bend, profile, oblique : float
         How far off these are at most.
     """
-    return (
-        PLANNED,
-        Scenario(twist=1 + twist, bend=1 + bend, profile=-profile, friction=2.0, shift=_aside(draw)),
-        Scenario(twist=1 - twist, bend=1 - bend, profile=profile, friction=0.5, shift=_aside(draw)),
-        Scenario(twist=1 + 2 / 3 * twist, bend=1 - 0.87 * bend, profile=profile, shift=_aside(draw)),
-    )
+
+    def off(share: float, bent: float, **other: float) -> Scenario:
+        sign = 1 if bent > 0 else -1
+        return Scenario(
+            twist=1 + share * twist, oblique=1 + share * oblique, bend=1 + bent * bend, profile=-sign * profile, shift=_aside(draw), **other
+        )
+
+    return PLANNED, off(1, 1, friction=2.0), off(-1, -1, friction=0.5), off(2 / 3, -0.87)
 
 
 def _aside(draw: np.random.Generator) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ divides its internal forces by the stretch). Tension is positive. The polynomial
 it the active curve ends at zero and the passive curve goes on along its tangent.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -85,6 +85,10 @@ class MuscleLaw:
         for name in ("curvature", "eccentric_slope"):
             check_number(name, getattr(self, name), at_least=1e-3, at_most=1e3)
         check_number("eccentric_plateau", self.eccentric_plateau, at_least=1.0, at_most=10.0)
+
+    def stronger(self, factor: float) -> "MuscleLaw":
+        """The same muscle with `factor` times the active stress; all that is passive stays."""
+        return replace(self, maximum_stress=factor * self.maximum_stress, passive_scale=self.passive_scale / factor)
 
     def active_factor(self, stretch: ArrayLike) -> Floats:
         """Active force-length factor f_l >= 0 at `stretch`."""
