@@ -115,6 +115,24 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     return compiled
 
 
+def borrowing_kernel(function: Callable[..., Any]) -> Any:
+    """`kernel` for a function that makes no array of its own, nor assigns one array to another.
+
+    numba counts references to the arrays that a function takes from a tuple or cuts from an array, every time, with locked instructions.
+    The caller holds them all, so that nothing is lost where nobody counts: a step of the reduced model takes a fifth less time.
+
+    Parameters
+    ----------
+    function : callable
+
+    Returns
+    -------
+    callable
+        The compiled dispatcher.
+    """
+    return kernel(function, _nrt=False)
+
+
 def by_address(kernels: tuple[Any, ...], *arguments: Any) -> NDArray[np.int64]:
     """Addresses of kernels that return nothing, compiled for arguments like these, for `call`; before them, what these arguments are.
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.compiler import kernel
+from octoctrl.sim.compiler import borrowing_kernel
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def shape_buffers(elements: int, sections: int) -> Shape:
     return Shape(*map(np.zeros, sizes))
 
 
-@kernel
+@borrowing_kernel
 def set_shape(q: Floats, elements: Any, shape: Any) -> None:
     """Shape at the strains `q` (S, 4)."""
     frame, points = shape.frame, shape.points
@@ -115,7 +115,7 @@ def set_shape(q: Floats, elements: Any, shape: Any) -> None:
             shape.tangents[i, r] = frame[r, 2]
 
 
-@kernel
+@borrowing_kernel
 def drag_impulse(motion: Floats, h: float, elements: Any, shape: Any, out: Floats) -> None:
     """Impulse (S, 4) of the water against a motion of the strains (S, 4) within `h`; leaves what each node moves by in `shape`."""
     s0, s1, s2, a0, a1, a2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -162,7 +162,7 @@ def drag_impulse(motion: Floats, h: float, elements: Any, shape: Any, out: Float
             out[a + 1, k] += elements.weights[i, 1] * work
 
 
-@kernel
+@borrowing_kernel
 def add_resistance(i: int, h: float, elements: Any, shape: Any) -> None:
     """Add what the far end of element `i` does to `shape.resistance`, after `drag_impulse`.
 
@@ -206,7 +206,7 @@ def add_resistance(i: int, h: float, elements: Any, shape: Any) -> None:
     out[2, 2] += turned * (1 + tz * tz) + x * m21 - y * m20
 
 
-@kernel
+@borrowing_kernel
 def drag_tangent(h: float, elements: Any, shape: Any, tangent: Floats) -> None:
     """Derivative (4 S, 4 S) of `drag_impulse` by the motion, after a call of it.
 

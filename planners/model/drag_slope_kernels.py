@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.compiler import kernel
+from octoctrl.sim.compiler import borrowing_kernel
 
 from .drag_kernels import SLOWEST
 
@@ -48,13 +48,13 @@ def shape_slope_buffers(elements: int) -> ShapeSlopes:
     return ShapeSlopes(*(np.zeros((elements, *size)) for size in sizes))
 
 
-@kernel
+@borrowing_kernel
 def cross(a: Floats, b: Floats) -> tuple[float, float, float]:
     """Vector product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@borrowing_kernel
 def element_slopes(k1: float, k2: float, k3: float, e: float, i: int, width: float, shape: Any, room: Any) -> None:
     """Derivatives of the twists of one element by its own strains, with all before it held; after `set_shape`."""
     m, own, ends = shape.middles[i], room.own[i], room.ends[i]
@@ -126,7 +126,7 @@ def element_slopes(k1: float, k2: float, k3: float, e: float, i: int, width: flo
         ends[r, 3] = chord[r]
 
 
-@kernel
+@borrowing_kernel
 def set_shape_slopes(q: Floats, motion: Floats, h: float, elements: Any, shape: Any, room: Any) -> None:
     """All that `impulse_along` needs of a motion (S, 4) from the strains `q` within `h`; after `set_shape` and `drag_impulse`."""
     last = len(elements.first) - 1
@@ -174,7 +174,7 @@ def set_shape_slopes(q: Floats, motion: Floats, h: float, elements: Any, shape: 
                 )
 
 
-@kernel
+@borrowing_kernel
 def impulse_along(slopes: Floats, step_slope: float, h: float, elements: Any, shape: Any, room: Any, out: Floats) -> None:
     """Derivative (4 S,) of `drag_impulse` at a fixed motion along a direction (4 S,) of the strains and of the step."""
     zero = 0.0

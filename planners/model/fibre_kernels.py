@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.compiler import kernel
+from octoctrl.sim.compiler import borrowing_kernel
 
 Floats = NDArray[np.float64]
 Five = tuple[float, float, float, float, float]
@@ -105,7 +105,7 @@ def fibre_room(sections: int, fibres: int) -> FibreRoom:
     return FibreRoom(*map(np.zeros, ((4,), (sections,), (sections, fibres), (sections, fibres), (sections, fibres, 4))))
 
 
-@kernel
+@borrowing_kernel
 def polynomial(laws: Floats, law: int, first: int, x: float) -> tuple[float, float]:
     """Value and slope of the polynomial of a law that begins at `first`."""
     value, slope = laws[law, first], 0.0
@@ -115,7 +115,7 @@ def polynomial(laws: Floats, law: int, first: int, x: float) -> tuple[float, flo
     return value, slope
 
 
-@kernel
+@borrowing_kernel
 def hinge(x: float, width: float) -> tuple[float, float]:
     """max(x, 0) with a parabola between -width and width, and its slope."""
     if x <= -width:
@@ -126,7 +126,7 @@ def hinge(x: float, width: float) -> tuple[float, float]:
     return inside * inside / (4 * width), inside / (2 * width)
 
 
-@kernel
+@borrowing_kernel
 def active_stress(laws: Floats, law: int, s: float) -> tuple[float, float]:
     """Active stress at full level, Pa, and its slope."""
     curve, rise = polynomial(laws, law, OF.active, min(max(s, laws[law, OF.low]), laws[law, OF.top]))
@@ -136,7 +136,7 @@ def active_stress(laws: Floats, law: int, s: float) -> tuple[float, float]:
     return laws[law, OF.active_stress] * value, laws[law, OF.active_stress] * slope * rise
 
 
-@kernel
+@borrowing_kernel
 def passive_stress(laws: Floats, law: int, s: float) -> tuple[float, float]:
     """Stress of the resting tissue, Pa, and its slope."""
     curve, rise = polynomial(laws, law, OF.passive, min(max(s, laws[law, OF.floor]), laws[law, OF.top]))
@@ -152,7 +152,7 @@ def passive_stress(laws: Floats, law: int, s: float) -> tuple[float, float]:
     ] * closing
 
 
-@kernel
+@borrowing_kernel
 def hill_secant(laws: Floats, law: int, rate: float) -> tuple[float, float]:
     """Loss of active stress per stretch rate, s, over the isometric stress, and its slope."""
     square = rate * rate
@@ -168,7 +168,7 @@ def hill_secant(laws: Floats, law: int, rate: float) -> tuple[float, float]:
     return (short + lengthening * (long - short)) / laws[law, OF.rate], slope / laws[law, OF.rate]
 
 
-@kernel
+@borrowing_kernel
 def radius_factor(e: float, narrow: float, hoop: float) -> tuple[float, float, float]:
     """Radius over rest radius of a section, and its first and second derivative by the stretch."""
     lam = np.exp(-hoop * np.log(e)) / narrow
@@ -176,7 +176,7 @@ def radius_factor(e: float, narrow: float, hoop: float) -> tuple[float, float, f
     return lam, first, -(hoop + 1) * first / e
 
 
-@kernel
+@borrowing_kernel
 def fibre_length(
     q: Floats, lam: float, lam1: float, lam2: float, axial: float, along: float, across: float, radius: float, turn: float
 ) -> tuple[float, Five, tuple[Five, Five, Five, Five]]:
@@ -200,7 +200,7 @@ def fibre_length(
     )  # fmt: skip
 
 
-@kernel
+@borrowing_kernel
 def tension(laws: Floats, law: int, area: float, rest: float, passive: float, level: float, length: float) -> tuple[float, float]:
     """Tension of a fibre over its stretch, and the derivative of that by its length."""
     s = length / rest
@@ -212,7 +212,7 @@ def tension(laws: Floats, law: int, area: float, rest: float, passive: float, le
     return area * stress / s, area * (slope - stress / s) / length
 
 
-@kernel
+@borrowing_kernel
 def set_fibres(q: Floats, levels: Floats, fibres: Any, room: Any) -> None:
     """What stays through a step from the strains `q` (S, 4) at the levels (groups, S) of its end: levels of the fibres, what resists."""
     for n in range(q.shape[0]):
@@ -234,7 +234,7 @@ def set_fibres(q: Floats, levels: Floats, fibres: Any, room: Any) -> None:
                     room.pulls[n, f, k] = gradient[k]
 
 
-@kernel
+@borrowing_kernel
 def section_impulse(q: Floats, motion: Floats, h: float, n: int, fibres: Any, room: Any, out: Floats, tangent: Floats) -> None:
     """Viscous impulse at the strains `q` (4) plus elastic impulse at `q + motion` of a step `h`, J s per unit strain, into `out` (4), and
     its derivative by the motion into `tangent` (4, 4); of the section `n`, after `set_fibres`.
@@ -280,7 +280,7 @@ def section_impulse(q: Floats, motion: Floats, h: float, n: int, fibres: Any, ro
             tangent[j, i] = tangent[i, j]
 
 
-@kernel
+@borrowing_kernel
 def section_slopes(
     q: Floats, motion: Floats, h: float, n: int, fibres: Any, room: Any, by_strains: Floats, by_levels: Floats, by_step: Floats
 ) -> None:

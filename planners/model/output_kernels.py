@@ -13,7 +13,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.compiler import kernel
+from octoctrl.sim.compiler import borrowing_kernel, kernel
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ CARRIED = 8
 """Outputs whose gradients are summed up from the tip: writhe, tip (3), tangent (3), U-turn."""
 
 
-@kernel
+@borrowing_kernel
 def turned(cosine: float, sine: float, n: float, d: float) -> tuple[float, float, float]:
     """Cosine and sine of an angle after another, atan2(n, d), is added, and by how many whole turns that passes half a turn.
 
@@ -44,7 +44,7 @@ def turned(cosine: float, sine: float, n: float, d: float) -> tuple[float, float
     return real, imaginary, passed
 
 
-@kernel
+@borrowing_kernel
 def triangle(p: Floats, a: Floats, b: Floats, by_a: Floats, by_b: Floats) -> tuple[float, float]:
     """Sine and cosine, times one factor, of half the signed area of a spherical triangle; adds the area's gradients by `a` and `b`."""
     n = p[0] * (a[1] * b[2] - a[2] * b[1]) + p[1] * (a[2] * b[0] - a[0] * b[2]) + p[2] * (a[0] * b[1] - a[1] * b[0])
@@ -139,7 +139,7 @@ def sweep_out(
         values[UTURN] += tangents[count, c] * tangents[0, c]
 
 
-@kernel
+@borrowing_kernel
 def add_cross(row: Floats, t: Floats, g: Floats, weight: float) -> None:
     """Add weight t x g to `row`."""
     row[0] += weight * (t[1] * g[2] - t[2] * g[1])
@@ -147,7 +147,7 @@ def add_cross(row: Floats, t: Floats, g: Floats, weight: float) -> None:
     row[2] += weight * (t[0] * g[1] - t[1] * g[0])
 
 
-@kernel
+@borrowing_kernel
 def sweep_back(
     hats: Floats, widths: Floats, stretch_hats: Floats, lengths: Floats, tangents: Floats, pulls: Floats, turning: Floats, spins: Floats,
     extents: Floats, units: Floats, carried: Floats, gradients: Floats,
@@ -185,7 +185,7 @@ def sweep_back(
                 gradients[TIP + c, s, 3] += part * tangents[i + 1, c]
 
 
-@kernel
+@borrowing_kernel
 def frames_along(turns: Floats, frames: Floats) -> None:
     """Frames (T, m, 3, 3), rows d1, d2, d3, of T instants from those of the first station and the rotation vectors (T, m - 1, 3), rad, in
     the frame, between stations.

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.compiler import kernel
+from octoctrl.sim.compiler import borrowing_kernel
 
 from .drag_kernels import Elements, Shape, drag_impulse, drag_tangent, set_shape, shape_buffers
 from .drag_slope_kernels import ShapeSlopes, impulse_along, set_shape_slopes, shape_slope_buffers
@@ -72,7 +72,7 @@ def buffers(model: StepModel, groups: int, columns: int) -> Buffers:
     )  # fmt: skip
 
 
-@kernel
+@borrowing_kernel
 def factorise(matrix: Floats) -> None:
     """U' D U of a symmetric positive definite matrix, in place of its upper half: D^-1 on the diagonal, above it U with 1 on its own."""
     for k in range(matrix.shape[0]):
@@ -86,7 +86,7 @@ def factorise(matrix: Floats) -> None:
         matrix[k, k] = inverse
 
 
-@kernel
+@borrowing_kernel
 def substitute(factor: Floats, right: Floats) -> None:
     """Solve for the columns of `right` (n, p), in place, with what `factorise` left."""
     size, columns = right.shape
@@ -106,7 +106,7 @@ def substitute(factor: Floats, right: Floats) -> None:
                 row[c] -= value * known[c]
 
 
-@kernel
+@borrowing_kernel
 def substitute_one(factor: Floats, right: Floats) -> None:
     """As `substitute`, for one column (n,)."""
     size = len(right)
@@ -121,7 +121,7 @@ def substitute_one(factor: Floats, right: Floats) -> None:
         right[i] = value
 
 
-@kernel
+@borrowing_kernel
 def residual_and_tangent(q: Floats, motion: Floats, h: float, model: Any, room: Any) -> None:
     """R and dR/dm of a step whose shape and resisting fibres stand in the buffers already."""
     drag_impulse(motion, h, model.elements, room.shape, room.residual)
@@ -134,7 +134,7 @@ def residual_and_tangent(q: Floats, motion: Floats, h: float, model: Any, room: 
                 room.tangent[4 * n + k, 4 * n + j] += room.block[k, j]
 
 
-@kernel
+@borrowing_kernel
 def set_slopes(q: Floats, motion: Floats, h: float, model: Any, room: Any) -> None:
     """Factors of dR/dm, and all that `residual_along` needs, at a solved step whose shape and fibres stand in the buffers already."""
     residual_and_tangent(q, motion, h, model, room)
@@ -144,7 +144,7 @@ def set_slopes(q: Floats, motion: Floats, h: float, model: Any, room: Any) -> No
         section_slopes(q[n], motion[n], h, n, model.fibres, room.fibres, room.by_strains[n], room.by_levels[n], room.by_step[n])
 
 
-@kernel
+@borrowing_kernel
 def solve_step(q: Floats, motion: Floats, levels: Floats, h: float, model: Any, room: Any) -> bool:
     """Improve `motion` until the residual vanishes; whether it did."""
     set_shape(q, model.elements, room.shape)
@@ -180,7 +180,7 @@ def solve_step(q: Floats, motion: Floats, levels: Floats, h: float, model: Any, 
     return False
 
 
-@kernel
+@borrowing_kernel
 def begin_motion(motion: Floats, steps: Floats, strains: Floats, t: int) -> None:
     """First guess of the motion in step t, 1 or later, from the one before: its rate, and where steps are short the change of that too."""
     ratio = steps[t] / steps[t - 1]
@@ -192,7 +192,7 @@ def begin_motion(motion: Floats, steps: Floats, strains: Floats, t: int) -> None
             motion[n, k] = ratio * (last + (last - earlier))
 
 
-@kernel
+@borrowing_kernel
 def set_motion(before: Floats, after: Floats, motion: Floats) -> None:
     """The motion from some strains to others."""
     for n in range(motion.shape[0]):
@@ -200,13 +200,15 @@ def set_motion(before: Floats, after: Floats, motion: Floats) -> None:
             motion[n, k] = after[n, k] - before[n, k]
 
 
-@kernel
+@borrowing_kernel
 def roll_out(start: Floats, levels: Floats, steps: Floats, model: Any, room: Any, near: Floats, motion: Floats, strains: Floats) -> Any:
     """Simulate N steps from `start` into `strains` (N + 1, S, 4); how many steps were solved.
 
     `near` (N + 1, S, 4): a similar motion, from which the iterations begin, or nothing (0, S, 4). `motion` (S, 4): zeros, a buffer.
     """
-    strains[0] = start
+    for n in range(start.shape[0]):
+        for k in range(4):
+            strains[0, n, k] = start[n, k]
     for t in range(len(steps)):
         if len(near):
             set_motion(strains[t], near[t + 1], motion)
@@ -224,7 +226,7 @@ def roll_out(start: Floats, levels: Floats, steps: Floats, model: Any, room: Any
     return len(steps)
 
 
-@kernel
+@borrowing_kernel
 def residual_along(strain_slopes: Floats, level_slopes: Floats, h: float, step_slope: float, model: Any, room: Any, out: Floats) -> None:
     """Derivative of R at fixed motion along one direction (4 S; groups, S; number), negative, into the column `out` (4 S); after
     `set_slopes`.
@@ -240,7 +242,7 @@ def residual_along(strain_slopes: Floats, level_slopes: Floats, h: float, step_s
             out[4 * n + k] = -value
 
 
-@kernel
+@borrowing_kernel
 def stands_still(strain_slopes: Floats, level_slopes: Floats, step_slope: Floats) -> bool:
     """Whether nothing depends on an unknown yet: those of later phases need no work before."""
     if step_slope != 0.0:
@@ -255,7 +257,7 @@ def stands_still(strain_slopes: Floats, level_slopes: Floats, step_slope: Floats
     return True
 
 
-@kernel
+@borrowing_kernel
 def roll_out_slopes(
     strains: Floats, levels: Floats, level_slopes: Floats, steps: Floats, step_slopes: Floats, model: Any, room: Any, motion: Floats,
     slopes: Floats,
@@ -280,7 +282,7 @@ def roll_out_slopes(
                 slopes[t + 1, i, d] = slopes[t, i, d] + room.right[i, d]
 
 
-@kernel
+@borrowing_kernel
 def linearise_steps(
     strains: Floats, levels: Floats, steps: Floats, model: Any, room: Any, motion: Floats, unit: Floats, none: Floats, transition: Floats,
     influence: Floats, drag: Floats,
