@@ -111,3 +111,10 @@ def test_a_packet_on_heavy_water_and_stiff_tissue_comes_nearer_its_place():
         checks = oc.verify(oc.execute(plan, feedback=name, plant=plant)).checks
         missed[name] = next(check.value for check in checks if check.name == "far.packet")
     assert missed["tvlqr"] < 0.6 * missed["open-loop"]
+
+
+def test_noise_and_delay_do_not_lead_it_astray(packet):
+    """Read off nodes that are 0.5 mm off, the packet would be sent away by three tolerances."""
+    sensors = oc.Sensors(delay=0.05, position_noise=5e-4, angle_noise=np.radians(1.0), seed=7)
+    checks = oc.verify(oc.execute(packet, feedback="tvlqr", sensors=sensors)).checks
+    assert max(check.value / check.limit for check in checks if check.name.endswith(".packet")) < 0.6

@@ -7,17 +7,21 @@ behind a wave whose clock was ahead by a, a goal for the place g at the time T a
     p + c [w(T - L + b) - w(t - L + a(t - L))]  =  g,
 
 c the share of the wave's way that the packet goes in that phase as the plan has it, L the time in which the arm answers, and the clock is
-brought there evenly over the time that is left. It runs at half to one and a half times its usual rate, so that fronts never go back.
+brought there evenly over the time that is left. It runs at half to one and a half times its usual rate, so that fronts never go back,
+and stays so near the plan's that they are not far from their places.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from octoctrl.sim.activation import Activation, Template
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.rotations import rotation_vector
 from octoctrl.sim.running.recording import Recording
 
 from ..asking.goals.recorded import RecordedOutputs
@@ -30,6 +34,15 @@ ANSWER = 0.08
 
 RATE = 0.5
 """By how much the clock may run faster or slower, as a share of its usual rate."""
+
+MOST = 0.075
+"""How far a wave may be from its planned place by its clock, as a share of the arm."""
+
+FASTEST = 0.9
+"""Quantile of a wave's speeds that counts as its greatest."""
+
+SMOOTH = 1 / 16
+"""Share of the arm over which the bends that are seen are averaged, against noise."""
 
 CELLS, INSTANTS = 200, 0.005
 """Cells of the arm on which the place of a wave is found, and how often, s."""
@@ -142,6 +155,7 @@ class Pace:
         self._goals: list[_Due] = []
         if found:
             self._times, self._places = _way(travelling, plan.arm.length, plan.schedule.duration)
+            self._most = MOST * plan.arm.length * INSTANTS / np.quantile(np.diff(self._places), FASTEST)
             self._goals = [_Due(begin, full, goal, self._share(plan, begin, full, goal)) for begin, full, goal in found]
 
     def decide(self, observation: Observation, reading: ClockReading) -> float:
@@ -156,7 +170,8 @@ class Pace:
             asked = np.clip(offset + share * self._place(full - ANSWER + self.ahead), low, high)
             wanted = float(np.interp((asked - offset) / share, self._places, self._times)) - (full - ANSWER)
             left, span = max(full - ANSWER - reading.begin, reading.period), reading.end - reading.begin
-            self.ahead += float(np.clip((wanted - self.ahead) * span / left, -RATE * span, RATE * span))
+            step = np.clip((wanted - self.ahead) * span / left, -RATE * span, RATE * span)
+            self.ahead = float(np.clip(self.ahead + step, -self._most, self._most))
         self._since.append(reading.end)
         self._shifts.append(self.ahead)
         return self.ahead
@@ -194,10 +209,26 @@ def _way(templates: list[Template], length: float, duration: float) -> tuple[Flo
     return times[on], np.maximum.accumulate(places)
 
 
-def _outputs(observation: Observation, arm: Any) -> RecordedOutputs:
+class _Smoothed(RecordedOutputs):
+    """One instant with curvatures over `SMOOTH` of the arm, of the frames, whose noise is less than that of the nodes between them."""
+
+    @cached_property
+    def curvatures(self) -> tuple[Floats, Floats, Floats]:
+        """k1, k2, k3, each (1, n + 1), 1/m."""
+        frames, stations = self.recording.frames, self.stations
+        turns = rotation_vector(frames[:, 1:] @ np.swapaxes(frames[:, :-1], -1, -2))[0]
+        ways = np.vstack([np.zeros(3), np.cumsum(turns, axis=0)])
+        middles = (stations[1:] + stations[:-1]) / 2
+        ends = [np.clip(middles + sign * SMOOTH * stations[-1] / 2, stations[0], stations[-1]) for sign in (-1, 1)]
+        before, after = (np.stack([np.interp(end, stations, way) for way in ways.T]) for end in ends)
+        first, second, third = ((after - before) / (ends[1] - ends[0]))[:, None]
+        return first, second, third
+
+
+def _outputs(observation: Observation, arm: Arm) -> RecordedOutputs:
     """What goals read of one instant."""
     seen = Recording(
         time=np.array([observation.time]), points=observation.points[None], frames=observation.frames[None],
         stations=np.asarray(observation.stations), stretch=observation.stretch[None], levels=np.zeros((1, 0, len(observation.stretch))),
     )  # fmt: skip
-    return RecordedOutputs(seen, None, arm)
+    return _Smoothed(seen, None, arm)
