@@ -71,9 +71,10 @@ def ribbon_frames(points: ArrayLike, frames: ArrayLike) -> Floats:
         return frames
     inner = frames[..., 1:-1, :, :]
     tangents = edges / np.linalg.norm(edges, axis=-1, keepdims=True)
-    axis = np.cross(inner[..., 2, :], tangents)[..., None, :]
-    cosine = np.einsum("...i,...i->...", inner[..., 2, :], tangents)[..., None, None]
-    first = np.cross(axis, inner)
+    across, along = inner[..., :2, :], inner[..., 2, :]
+    # The rotation that takes a to b takes what is at right angles to a to v - (b . v) (a + b) / (1 + a . b).
+    share = np.einsum("...ki,...i->...k", across, tangents) / (1 + np.einsum("...i,...i->...", along, tangents))[..., None]
     ribbon = frames.copy()
-    ribbon[..., 1:-1, :, :] = inner + first + np.cross(axis, first) / (1 + cosine)
+    ribbon[..., 1:-1, :2, :] -= share[..., None] * (along + tangents)[..., None, :]
+    ribbon[..., 1:-1, 2, :] = tangents
     return ribbon

@@ -124,7 +124,8 @@ def frame_series(frames: ArrayLike) -> tuple[Floats, bool]:
         error = np.abs(series @ series.swapaxes(-1, -2) - np.eye(3)).max()
     if not error <= 1e-4:
         raise OctoctrlError(f"frames are off orthonormal by {error:.1e}; rows must be unit vectors at right angles to 1e-4")
-    if np.linalg.det(series).min() < 0.0:
+    (a1, a2, a3), (b1, b2, b3), (c1, c2, c3) = (series[..., i, :].transpose(2, 0, 1) for i in range(3))
+    if ((a2 * b3 - a3 * b2) * c1 + (a3 * b1 - a1 * b3) * c2 + (a1 * b2 - a2 * b1) * c3).min() < 0.0:
         raise OctoctrlError("frames are left-handed; d3 must be d1 x d2")
     halves = np.argwhere(np.einsum("tmij,tmij->tm", series[:, 1:], series[:, :-1]) < HALF_TURN - 1.0)
     if halves.size:
