@@ -127,20 +127,27 @@ NEW_KINDS: tuple[Kind, ...] = (place, sides_and_writhe, regions)
 
 
 def held_place(draw: np.random.Generator, model: ReducedModel) -> Task:
-    """The tip at a point where a random programme (of `draw`) of the `model` leads, held there for half a second."""
+    """The tip at a point where a random programme (of `draw`) of the `model` leads, held there for half a second.
+
+    Three bends, for the three coordinates of a point, and phases long enough for the arm to come to rest in the water: what is missed of a
+    quick motion no feedback mends in time.
+    """
+    upper = (0.08, WHOLE[1])
     task = Task(
         name="held place",
         phases=(
-            Phase(name="reach", duration=2.0, longest=4.0),
-            Phase(name="hold", duration=1.5, longest=3.0, goals=(goal("tip", value=(0.05, 0.1, 0.0), tolerance=0.01, hold=0.5),)),
+            Phase(name="reach", duration=2.0, shortest=1.5, longest=4.0),
+            Phase(
+                name="hold", duration=1.5, shortest=1.2, longest=3.0, goals=(goal("tip", value=(0.05, 0.1, 0.0), tolerance=0.01, hold=0.5),)
+            ),
         ),
         drives=tuple(
             Drive(name=f"{name}{phase}", primitive=Bend(side=bent, level=0.1, window=window), begins=begins, free=BENT)
             for phase, begins in (("", "reach"), (" on", "hold"))
-            for name, bent, window in (("lean", "LM1", (0.0, 0.08)), ("lift", "LM3", (0.08, WHOLE[1])))
+            for name, bent, window in (("lean", "LM1", (0.0, 0.08)), ("lift", "LM3", upper), ("curl", "LM1", upper))
         ),
     )
-    value = model.points(_reached(task, model, draw))[-1]
+    value = model.points(_reached(task, model, draw, low=0.0, high=0.3))[-1]
     asked = goal("tip", value=tuple(map(float, value)), tolerance=0.01, hold=0.5)
     return replace(task, phases=(task.phases[0], replace(task.phases[1], goals=(asked,))))
 
@@ -202,11 +209,13 @@ def _bent(name: str, draw: np.random.Generator, side: str) -> Task:
     )
 
 
-def _reached(task: Task, model: ReducedModel, draw: np.random.Generator) -> Floats:
-    """Strains (S, 4) at the end of a random programme of a task's drives, far from a U-turn."""
+def _reached(task: Task, model: ReducedModel, draw: np.random.Generator, low: float = 0.1, high: float = 0.6) -> Floats:
+    """Strains (S, 4) after the first phase of a random programme of a task's drives, far from a U-turn; its numbers from `low` to `high`
+    of their ranges.
+    """
     problem = Problem(task, model)
     while True:
-        share = draw.uniform(0.1, 0.6, size=len(problem.names))
+        share = draw.uniform(low, high, size=len(problem.names))
         x = problem.box.lower + share * (problem.box.upper - problem.box.lower)
         count = int(np.ceil(x[0] / 0.05))
         levels = model.levels(problem.schedule(x)[1].activation(), x[0] / count * np.arange(1, count + 1))
