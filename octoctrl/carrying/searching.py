@@ -43,9 +43,9 @@ POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
 """Trials of a round, rounds of a phase at most; how often it begins anew, and after how many rounds of each of these the best goes on
 alone. A search that has lost its way does not find it again; another one may."""
 
-DRAWN, SURVEYED, FAR = 600, 40, 1.0
-"""Programmes that are drawn for a survey, how many of them it tries, and how far apart the searches that follow it begin, in first
-spreads."""
+SURVEYS, DRAWN, SURVEYED, FAR = 2, 600, 40, 1.0
+"""Surveys of a phase at most, the second where the first leads nowhere; programmes that are drawn for one, how many of them it tries, and
+how far apart the searches that follow it begin, in first spreads."""
 
 LOOKS = 14
 """Instants at which the way of a programme is looked at in free water."""
@@ -304,7 +304,8 @@ def _search_phase(
 ) -> tuple[list[Candidate], list[str], int]:
     """Search a phase from each start, then on from the best; the best candidates that lie apart, what was tried, and how many trials.
 
-    It starts from the task's own numbers; where these come near nothing, and there is a region to look round, from the best of a survey.
+    It starts from the task's own numbers; where these come near nothing, and there is a region to look round, from the best of a survey,
+    and if that leads nowhere from the best of another one.
     """
     name, unknowns = stage.name, stage.unknowns
     own = unknowns.mean
@@ -314,26 +315,31 @@ def _search_phase(
     judged = work.executor.submit(stage, own).result()
     if judged.met or judged.price <= enough:
         return [Candidate(own, judged)], [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"], 1
-    said, count, starts = [], 1, [own] * STARTS
-    if region and judged.price > stage.hopeless:
-        seen = _surveyed(stage, work, region, 1000 * index + STARTS + 1)
-        said.append(f"phase '{name}', survey with {seen}")
-        count += len(seen.candidates)
-        starts = [item.x for item in seen.apart(STARTS, FAR)]
-    found: list[Searched] = []
-    for number, start in enumerate(starts):
-        began = replace(unknowns, mean=start)
-        found.append(_rounds(stage, began, None, work, min(FIRST_ROUNDS, work.rounds), enough, 1000 * index + number))
-        if work.over() or found[-1].ended == "good enough":
+    said, count, found = [], 1, list[Searched]()
+    surveyed = bool(region) and judged.price > stage.hopeless
+    for look in range(SURVEYS if surveyed else 1):
+        seed, starts, rounds = 1000 * index + look * (STARTS + 2), [own] * STARTS, 0
+        if surveyed:
+            seen = _surveyed(stage, work, region, seed + STARTS + 1)
+            said.append(f"phase '{name}', survey with {seen}")
+            count += len(seen.candidates)
+            starts = [item.x for item in seen.apart(STARTS, FAR)]
+        for number, start in enumerate(starts):
+            began = replace(unknowns, mean=start)
+            found.append(_rounds(stage, began, None, work, min(FIRST_ROUNDS, work.rounds), enough, seed + number))
+            rounds += len(found[-1].rounds)
+            if work.over() or found[-1].ended == "good enough":
+                break
+        if work.over() or any(result.candidates and result.best.price <= stage.hopeless for result in found):
             break
     found = [result for result in found if result.candidates]
     if not found:  # no time: the first numbers
         return [Candidate(own, judged)], [f"phase '{name}' was not searched"], count
-    left = work.rounds - sum(len(result.rounds) for result in found)
+    left = work.rounds - rounds
     result = min(found, key=lambda result: (not result.best.judgement.met, result.best.price))
     near = result.best.price <= stage.hopeless  # else nothing came near, and more of the same will not
     if near and left > 0 and result.ended != "good enough" and not work.over():
-        _rounds(stage, unknowns, result, work, left, enough, 1000 * index + STARTS)
+        _rounds(stage, unknowns, result, work, left, enough, seed + STARTS)
     candidates = [item for result in found for item in result.apart(CANDIDATES, APART)]
     ranked = sorted(candidates, key=lambda item: (not item.judgement.met, item.price))
     said += [f"phase '{name}', {result}" for result in found]
