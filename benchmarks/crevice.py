@@ -18,6 +18,7 @@ from octoctrl.carrying.trials import plant_for, schedule_of, since
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.solving.grasping import objects_held
+from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.planners.solving.scenarios import ERRORS, Scenario
 from octoctrl.progress import NullProgress
 from octoctrl.sim.contact.surroundings import Touch
@@ -98,6 +99,8 @@ def main() -> None:
         begin = process_time()
         plan = oc.plan(replace(configuration, scene=scene))
         print(f"{name}: {plan.status.name.lower()}, {process_time() - begin:.0f} s of processor {plan.report.reason}", flush=True)
+        if plan.status is PlanStatus.REFUSED:
+            continue
         print("  scenario  least C      end C  turn, deg  end x, mm  depth, mm")
         errors = {word: getattr(configuration.plan, f"{word}_error") for word in ERRORS}
         work = Work(plan.arm, scene, None, NullProgress(), 0.0, configuration.plan.seed, errors=errors)
