@@ -48,9 +48,9 @@ def adapted(programme: Programme, curve: TwistCurve, plant: str, executor: Execu
     if not any(_chosen(drive) for drive in task.drives):
         return programme, []
     drives = tuple(_settled(drive, numbers) for drive in task.drives)
-    stage = replace(programme.stage, task=replace(task, drives=drives), scenarios=(PLANNED,), states=(None,), plant=plant, curve=curve)
+    whole = replace(task, drives=drives)
     state: State | None = None
-    stage = replace(stage, settled=())
+    stage = replace(programme.stage, task=whole, scenarios=(PLANNED,), states=(state,), settled=(), plant=plant, curve=curve)
     for phases in at_once(task):
         own = tuple(drive for phase in phases for drive in drives if drive.begins == phase.name)
         stage = replace(stage, phases=phases, drives=own, states=(state,))
