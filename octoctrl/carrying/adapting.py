@@ -50,7 +50,7 @@ def adapted(programme: Programme, curve: TwistCurve, plant: str, executor: Execu
     drives = tuple(_settled(drive, numbers) for drive in task.drives)
     whole = replace(task, drives=drives)
     state: State | None = None
-    stage = replace(programme.stage, task=whole, scenarios=(PLANNED,), states=(state,), settled=(), plant=plant, curve=curve)
+    stage = replace(programme.searched, task=whole, scenarios=(PLANNED,), states=(state,), settled=(), plant=plant, curve=curve)
     for phases in at_once(task):
         own = tuple(drive for phase in phases for drive in drives if drive.begins == phase.name)
         stage = replace(stage, phases=phases, drives=own, states=(state,))

@@ -1,10 +1,11 @@
 """What was found by searching, checked: carried out once on the plant that is asked for, from rest and as planned.
 
 The next candidate follows where one misses. What a plan is called is decided by the verdict's own checks on that run, and by whether the
-goals are met in every scenario of the search.
+goals are met from rest in every scenario of the search.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import accumulate
 
@@ -34,22 +35,21 @@ KEPT, EVERY = 2, 5
 
 @dataclass(frozen=True, slots=True)
 class Programme:
-    """A task with drives, numbers for all of them, and the last phase as it was searched, with its own numbers `x`.
+    """A task with drives, numbers for all of them, and its `searched` form: all phases at once, from rest, in every scenario.
 
-    `before` holds by scenario the worst goal of all phases before the last, in tolerances.
+    Phase by phase a state is handed on at each seam; what hangs by a hair there may fall when it is run through.
     """
 
     task: Task
     numbers: dict[str, float]
     primitives: tuple[Primitive, ...]
-    stage: Stage
-    x: Floats
-    before: tuple[float, ...]
+    searched: Stage
 
-    def scenarios(self) -> list[float]:
-        """The worst goal of all phases, in tolerances, by scenario."""
-        last = self.stage.ended(self.x)
-        return [max(*item.misses, earlier, 0.0) for item, earlier in zip(last, self.before, strict=True)]
+    def scenarios(self, executor: Executor) -> list[float]:
+        """The worst goal of all phases, in tolerances, by scenario: each is run from rest, side by side on the `executor`."""
+        nothing = np.zeros(0)
+        running = [executor.submit(self.searched.ended_in, number, nothing) for number in range(len(self.searched.scenarios))]
+        return [max(future.result().misses, default=0.0) for future in running]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +73,10 @@ def by_scenario(what: str, shares: Sequence[float]) -> str:
     return f"{what}: worst goal in tolerances, by scenario: " + ", ".join(f"{share:.2f}" for share in shares)
 
 
-def checked(found: Findings, model: ReducedModel, curve: TwistCurve, plant: str, progress: Progress) -> Plan:
-    """The first programme of what was `found` that passes the verdict on the plant, or the one that comes nearest, as a plan.
+def checked(found: Findings, model: ReducedModel, curve: TwistCurve, plant: str, executor: Executor, progress: Progress) -> Plan:
+    """The first programme of what was `found` that passes the verdict on the plant and in all scenarios, or the nearest, as a plan.
+
+    One that passes on the plant and is lost in a scenario is fragile; then only those that no scenario loses are still tried on the plant.
 
     Parameters
     ----------
@@ -84,15 +86,25 @@ def checked(found: Findings, model: ReducedModel, curve: TwistCurve, plant: str,
     curve : TwistCurve
         Of the `plant`.
     plant : str
+    executor : Executor
+        On which scenarios are run.
     progress : Progress
     """
     best: _Carried | None = None
+    shares: list[float] = []
     said = list(found.tried)
     for number, programme in enumerate(found.programmes):
         what = f"candidate {number + 1} on the plant '{plant}'"
+        fragile = best is not None and best.passed
         progress.start(f"checking {what}", None)
         try:
+            latest = programme.scenarios(executor) if fragile else []
+            if max(latest, default=0.0) > 1:
+                said.append(by_scenario(f"candidate {number + 1} on the plant '{programme.searched.plant}'", latest))
+                continue
             carried = _carried_out(programme, curve, model, plant)
+            if carried.passed:
+                latest = latest or programme.scenarios(executor)
             tugged = _tugged(carried.plan, plant) if carried.passed else []
         except PlantUnstableError as error:
             said.append(f"{what}: {error}")
@@ -100,20 +112,19 @@ def checked(found: Findings, model: ReducedModel, curve: TwistCurve, plant: str,
         finally:
             progress.stop()
         said += [f"{what}: {carried}", *tugged]
-        if best is None or carried.worst < best.worst:
-            best = carried
-        if carried.passed:
+        if best is None or carried.passed or (not fragile and carried.worst < best.worst):
+            best, shares = carried, latest
+        if carried.passed and max(latest) <= 1:
             break
     if best is None:
         programme = found.programmes[0]
         return _empty(programme.task, model, PlanStatus.MISSED, f"every candidate made the plant '{plant}' diverge", plant, tuple(said))
     status, reason = PlanStatus.MISSED, "; ".join(best.missed)
     if best.passed:
-        shares = best.programme.scenarios()
-        lost = sum(share > 1 for share in shares)
+        searched_on, lost = best.programme.searched.plant, sum(share > 1 for share in shares)
         status = PlanStatus.FRAGILE if lost else PlanStatus.HELD
-        reason = f"lost in {lost} of {len(shares)} scenarios on the plant '{best.programme.stage.plant}'" if lost else ""
-        said.append(by_scenario(f"the plan on the plant '{best.programme.stage.plant}'", shares))
+        reason = f"lost in {lost} of {len(shares)} scenarios on the plant '{searched_on}'" if lost else ""
+        said.append(by_scenario(f"the plan on the plant '{searched_on}', from rest", shares))
     report = replace(best.plan.report, tried=tuple(said), starts=found.count, price=found.price, reason=reason)
     return replace(best.plan, status=status, report=report)
 

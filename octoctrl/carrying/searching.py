@@ -156,7 +156,7 @@ def plan_by_search(
         searched = process_time() - processor
         if plant != SEARCHED_ON and not work.over():
             found = _on_the_plant(found, own, plant, work)
-    made = checked(found, model, own, plant, display)
+        made = checked(found, model, own, plant, workers, display)
     report = replace(
         made.report, stages={"search": searched, "check": process_time() - processor - searched}, wall_time=perf_counter() - begin
     )
@@ -167,7 +167,6 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     """Search phase by phase; of the last phase several candidates are kept."""
     scenarios = scenarios_of(task, work)
     states: tuple[State | None, ...] = (None,) * len(scenarios)
-    before = (0.0,) * len(scenarios)
     settled: tuple[Primitive, ...] = ()
     numbers: dict[str, float] = {}
     tried: list[str] = []
@@ -189,21 +188,13 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
             settled += stage.primitives(best.x)
             numbers |= dict(zip(stage.unknowns.names, map(float, best.x), strict=True))
             ended = stage.ended(best.x)
-            shares = [max(item.misses, default=0.0) for item in ended]
-            before = tuple(map(max, before, shares))
-            tried.append(by_scenario(f"phase '{stage.name}'", shares))
+            tried.append(by_scenario(f"phase '{stage.name}'", [max(item.misses, default=0.0) for item in ended]))
             states = tuple(item.state or None for item in ended)
-    programmes = [
-        Programme(
-            stage.task,
-            numbers | dict(zip(stage.unknowns.names, map(float, item.x), strict=True)),
-            _in_order(stage.task, (*settled, *stage.primitives(item.x))),
-            stage,
-            item.x,
-            before,
-        )
-        for item in last
-    ]
+    programmes = []
+    for item in last:
+        found = dict(zip(stage.unknowns.names, map(float, item.x), strict=True))
+        primitives = _in_order(stage.task, (*settled, *stage.primitives(item.x)))
+        programmes.append(Programme(stage.task, numbers | found, primitives, stage.run_through(primitives)))
     return Findings(programmes, tuple(tried), count, worst)
 
 

@@ -255,14 +255,20 @@ class Stage:
 
     def ended(self, x: Floats) -> list[Ended]:
         """What numbers `x` come to in every scenario, with states at the end; one that diverges stays where it began."""
-        found, goals = [], sum(len(phase.goals) for phase in self.phases)
-        for number, state in enumerate(self.states):
-            try:
-                recording, plant = self.run(x, number)
-                found.append(Ended(recording, self.misses(recording), plant.state()))
-            except PlantUnstableError as error:
-                found.append(Ended(error.recording, (np.inf,) * max(goals, 1), state or {}))
-        return found
+        return [self.ended_in(number, x) for number in range(len(self.scenarios))]
+
+    def ended_in(self, number: int, x: Floats) -> Ended:
+        """What numbers `x` come to in scenario `number`."""
+        try:
+            recording, plant = self.run(x, number)
+            return Ended(recording, self.misses(recording), plant.state())
+        except PlantUnstableError as error:
+            goals = sum(len(phase.goals) for phase in self.phases)
+            return Ended(error.recording, (np.inf,) * max(goals, 1), self.states[number] or {})
+
+    def run_through(self, primitives: tuple[Primitive, ...]) -> "Stage":
+        """All phases of its task at once, from rest, by `primitives` that are settled."""
+        return replace(self, phases=self.task.phases, drives=(), settled=primitives, states=(None,) * len(self.scenarios))
 
 
 def touches(recording: Recording) -> dict[str, Touch]:
