@@ -11,12 +11,13 @@ import time
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.hydrostat_terms import hydrostat_terms
 from octoctrl.sim.assembly.parts import whole
 from octoctrl.sim.assembly.stepping import mover
 from octoctrl.sim.assembly.terms import Step, by_name
 from octoctrl.sim.plants import make_plant
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import twist, writhe
 from octoctrl.tables import machine
 

@@ -14,7 +14,8 @@ from pathlib import Path
 
 WORKER = """
 import resource, sys, time
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
+from octoctrl.sim.templates import Plateau
 try:
     from octoctrl.sim.plants import make_plant
 except ImportError:  # where it stood once

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.account import CONNECTIONS, energies
 from octoctrl.sim.assembly.constants import fibre_laws, oblique_mass, ring_smoothing, straight_mass
 from octoctrl.sim.assembly.core import TONE_RAMP
@@ -26,6 +26,7 @@ from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 from octoctrl.sim.body.muscles import MuscleLaw
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.sources import sampled
+from octoctrl.sim.templates import Plateau
 
 PROGRAMMES = {
     "twist": (Plateau(groups=("R-OM",), level=0.3, window=(0.0, 0.2 * 357 / 360)),),

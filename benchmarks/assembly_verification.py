@@ -14,7 +14,7 @@ import numpy as np
 from assembly import programme
 from assembly_resolution import TRACES, compare, run
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.core import AssemblyCore
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import SpokeRow as S
@@ -25,6 +25,7 @@ from octoctrl.sim.running.clock import Clock
 from octoctrl.sim.running.plant import Plant
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.sources import sampled
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import measure, twist, writhe
 
 FAMILIES = ("cord", "LM", "L-OM", "R-OM", "rings")

@@ -14,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.plants import Plant, warmup
 from octoctrl.sim.running.batch import simulate_batch
+from octoctrl.sim.templates import Plateau
 
 
 def arms(count, seed=0):

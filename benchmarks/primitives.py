@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import make_plant
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import twist, writhe
 
 PRIMITIVES = (

@@ -14,10 +14,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import octoctrl as oc
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, LumpedSection
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import warmup
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import measure
 
 ARM = oc.Arm.octopus()

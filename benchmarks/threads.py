@@ -11,9 +11,10 @@ import time
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.meeting_kernels import cores
 from octoctrl.sim.plants import make_plant
+from octoctrl.sim.templates import Plateau
 from octoctrl.tables import machine
 
 MOVING = Activation(templates=(Plateau(groups=("R-OM", "LM1", "TM"), level=0.3, rise=0.05),))

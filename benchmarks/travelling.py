@@ -18,9 +18,10 @@ from octoctrl import tasks
 from octoctrl.judging.packet import packet_of
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.primitives import CarriedBend
-from octoctrl.sim.activation import PEAK, Activation
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import PLANTS, make_plant
+from octoctrl.sim.templates import PEAK
 from octoctrl.sim.topology.measures import writhe
 from octoctrl.tables import Table
 

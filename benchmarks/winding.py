@@ -12,12 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.anatomy import OCTOPUS
 from octoctrl.sim.body.arm import Arm, oblique_angle
 from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import Plant, make_plant
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import twist, writhe
 
 HELIX_NODES = {2: 0.0, 4: 70.0}

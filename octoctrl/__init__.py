@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from octoctrl.planners.asking.task import Drive, Phase, Task
     from octoctrl.planners.following import controllers
     from octoctrl.planners.solving.plan import Plan
-    from octoctrl.sim.activation import Activation, Plateau, Pulse, Wave
+    from octoctrl.sim.activation import Activation
     from octoctrl.sim.body.arm import Arm
     from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
     from octoctrl.sim.plants import Plant, make_plant
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from octoctrl.sim.running.sensors import Sensors
     from octoctrl.sim.scene.loads import PointLoad, SpreadLoad
     from octoctrl.sim.scene.scene import Scene, Water
+    from octoctrl.sim.templates import Plateau, Pulse, Wave
     from octoctrl.sim.topology.centreline import Centreline
     from octoctrl.sim.topology.measured import topology_of
     from octoctrl.sim.topology.trace import TopologyConvention, TopologyTrace
@@ -72,13 +73,14 @@ _HOMES = {
     "octoctrl.planners.asking.registry": ("goal", "register_goal", "register_primitive"),
     "octoctrl.planners.asking.schedule": ("Schedule",),
     "octoctrl.planners.asking.task": ("Drive", "Phase", "Task"),
-    "octoctrl.sim.activation": ("Activation", "Plateau", "Pulse", "Wave"),
+    "octoctrl.sim.activation": ("Activation",),
     "octoctrl.sim.body.arm": ("Arm",),
     "octoctrl.sim.running.batch": ("simulate_batch",),
     "octoctrl.sim.running.sensors": ("Sensors",),
     "octoctrl.sim.errors": ("OctoctrlError", "PlantUnstableError"),
     "octoctrl.sim.scene.loads": ("PointLoad", "SpreadLoad"),
     "octoctrl.sim.scene.scene": ("Scene", "Water"),
+    "octoctrl.sim.templates": ("Plateau", "Pulse", "Wave"),
     "octoctrl.sim.topology.centreline": ("Centreline",),
     "octoctrl.sim.topology.measured": ("topology_of",),
     "octoctrl.files.centreline": ("read_centreline",),

@@ -111,7 +111,7 @@ def _solver() -> str:
 
 
 def _plant() -> str:
-    from octoctrl.sim.activation import Plateau
+    from octoctrl.sim.templates import Plateau
 
     plant = Plant()
     plant.advance(Activation(templates=(Plateau(groups=("LM1",), level=0.3),)), 0.1)

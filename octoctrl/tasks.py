@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from octoctrl.sim.activation import Activation, Template
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.errors import OctoctrlError, suggest
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Template
 
 if TYPE_CHECKING:
     from .files.configuration import Configuration

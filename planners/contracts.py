@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.activation import Template
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.contracts import ActivationSource
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.templates import Template
 from octoctrl.sim.topology.trace import TopologyTrace
 
 Floats = NDArray[np.float64]

@@ -12,10 +12,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .activation import raised_cosine
 from .body.layout import OCTOPUS_MUSCLES, Family, MuscleLayout
 from .contracts import ActivationSource, Floats
 from .errors import OctoctrlError, brief, check_number, suggest
+from .templates import raised_cosine
 
 ROUNDING = 1e-12
 """By how much sums of levels may exceed 1."""

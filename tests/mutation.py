@@ -34,6 +34,7 @@ GUARDS = {
     "octoctrl.planners.solving.plan": ("test_plan_status.py -k 'only_a_solved or worst or text or knows'",),
     "octoctrl.planners.solving.reachability": ("test_plan_status.py -k 'limit or first'",),
     "octoctrl.planners.following.tracking": ("test_feedback.py -k 'weighs or nothing or delay or weak0 or bias or bounds'",),
+    "octoctrl.sim.templates": ("test_activation.py",),
     "octoctrl.sim.activation": ("test_activation.py",),
     "octoctrl.sim.topology.inputs": ("test_topology_inputs.py -k 'not whatever'",),
     "octoctrl.sim.topology.measures": (

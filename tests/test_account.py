@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import octoctrl as oc
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
 from octoctrl.sim.rod.core import RodCore
+from octoctrl.sim.templates import Plateau
 
 TWIST_AND_BEND = Activation(
     templates=(

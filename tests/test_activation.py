@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoctrl.sim.activation import PEAK, WRITE_THRESHOLD, Activation, Plateau, Pulse, Wave, least_jerk
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.templates import PEAK, WRITE_THRESHOLD, Plateau, Pulse, Wave, least_jerk
 
 LENGTH = 0.2
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from assembly_parts import parts_of
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.constants import CONTACT_STEP, oblique_mass, ring_connections, stiffness, straight_connections, straight_mass
 from octoctrl.sim.assembly.core import AssemblyCore
 from octoctrl.sim.assembly.geometry import assembly_geometry
@@ -16,6 +16,7 @@ from octoctrl.sim.plants import make_plant
 from octoctrl.sim.running.clock import Clock
 from octoctrl.sim.running.plant import Plant
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import twist
 
 ARM = Arm.octopus()

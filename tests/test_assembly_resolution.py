@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from assembly_parts import terms_of
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.constants import ring_connections, stiffness, straight_connections
 from octoctrl.sim.assembly.geometry import assembly_geometry, octopus_grid
 from octoctrl.sim.assembly.layout import CrossingRow
@@ -12,6 +12,7 @@ from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.body.grid import AssemblyGrid
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import make_plant
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import twist
 
 ARM = Arm.octopus()

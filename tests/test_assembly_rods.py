@@ -11,7 +11,7 @@ import pytest
 from assembly_parts import parts_of
 from scipy.spatial.transform import Rotation
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.buffer import set_filter_masks
 from octoctrl.sim.assembly.constants import stiffness
 from octoctrl.sim.assembly.layout import AssemblyRow as R
@@ -20,6 +20,7 @@ from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.physics.fibre_kernels import law_constants
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Plateau
 
 ARM = Arm.octopus()
 LEVEL = 0.2

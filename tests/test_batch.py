@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import Plant
 from octoctrl.sim.running.batch import simulate_batch
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Plateau
 
 
 def drive(*groups, level=0.5, rise=0.1, onset=0.0):

@@ -13,10 +13,11 @@ from octoctrl.bench.closed_forms import CASES, circle
 from octoctrl.bench.speed import arm_step, elastic_rod
 from octoctrl.bench.startup import child
 from octoctrl.cli.application import main
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import Plant
+from octoctrl.sim.templates import Plateau
 from octoctrl.tables import Table, fastest
 
 BEND = Activation(templates=(Plateau(groups=("LM1",), level=0.1, rise=0.1),))

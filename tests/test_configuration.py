@@ -18,10 +18,10 @@ from octoctrl.planners.asking.primitives import Shorten, Twist
 from octoctrl.planners.asking.registry import goal, goal_kinds
 from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.contracts import When
-from octoctrl.sim.activation import WRITE_THRESHOLD
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, LumpedSection
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.scene import Scene, Water
+from octoctrl.sim.templates import WRITE_THRESHOLD
 
 words = st.text(st.characters(codec="utf-8", exclude_categories=("Cs",)), max_size=12)
 names = st.text("abdefghij_", min_size=1, max_size=8)

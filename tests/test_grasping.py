@@ -29,12 +29,12 @@ from octoctrl.planners.solving.grasping import (
 )
 from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.planners.solving.scenarios import PLANNED, Scenario, four
-from octoctrl.sim.activation import Wave
 from octoctrl.sim.contact.bodies import notes_of, rows_of
 from octoctrl.sim.contact.columns import Note
 from octoctrl.sim.contact.hold import Hold, recorded_object
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Fixed, Free, Plane, Sphere, frame_of
+from octoctrl.sim.templates import Wave
 from octoctrl.sim.topology.measures import present_of_frames
 
 ARM = oc.Arm.octopus()

@@ -7,9 +7,10 @@ import octoctrl as oc
 from octoctrl.planners.following.channels import Channels
 from octoctrl.planners.following.design import SHAPE_NOISE, Course
 from octoctrl.planners.following.held import LOOSE, TOPOLOGY_ERROR, Held
-from octoctrl.sim.activation import Activation, Plateau, Wave
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.sources import Corrected
+from octoctrl.sim.templates import Plateau, Wave
 
 EDGES = np.linspace(0.0, 0.2, 41)
 

@@ -11,9 +11,10 @@ from octoctrl.planners.fitting.fit import GENERIC_FREE, KNOWN_FREE, identify
 from octoctrl.planners.fitting.identified import IdentifiedModel, load_identified
 from octoctrl.planners.model.kinematics import hat_means
 from octoctrl.planners.model.reduced import ReducedModel, ReducedParameters
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.templates import Plateau
 
 TRUTH = ReducedParameters(longitudinal_stress=1.15, oblique_stress=0.85, viscosity=1.2)
 FREE = ("longitudinal_stress", "oblique_stress", "viscosity")

@@ -16,11 +16,12 @@ from octoctrl.laboratory import studies as laboratory
 from octoctrl.laboratory.endings import Ending, Outcome, perform
 from octoctrl.laboratory.endurance import long_run
 from octoctrl.laboratory.trials import ASSEMBLY_KINDS, KINDS, draw
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import Plant
 from octoctrl.sim.rod.layout import Row
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import measure
 
 PULL = Activation(templates=(Plateau(groups=("LM1", "R-OM"), level=0.3, rise=0.1),))

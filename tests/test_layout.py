@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm, azimuth
 from octoctrl.sim.body.layout import OCTOPUS_MUSCLES, Family, MuscleGroup, MuscleLayout
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import Plant
 from octoctrl.sim.sources import Held
+from octoctrl.sim.templates import Plateau
 
 
 class Hexapus(Arm):

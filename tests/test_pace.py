@@ -12,7 +12,8 @@ from octoctrl.planners.contracts import ClockReading
 from octoctrl.planners.following.channels import Channels
 from octoctrl.planners.following.design import Course
 from octoctrl.planners.following.pace import ANSWER, RATE, Pace, Paced, moved
-from octoctrl.sim.activation import Activation, Plateau, Pulse, Wave
+from octoctrl.sim.activation import Activation
+from octoctrl.sim.templates import Plateau, Pulse, Wave
 
 EDGES = np.linspace(0.0, 0.2, 41)
 STANDS = Plateau(groups=("LM1", "TM"), level=0.2, onset=0.1)

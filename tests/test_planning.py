@@ -22,10 +22,11 @@ from octoctrl.planners.solving.interrupts import heed, interrupts_kept
 from octoctrl.planners.solving.plan import PlanFailedError, PlanStatus
 from octoctrl.planners.solving.problem import SAMPLE, Problem
 from octoctrl.planners.solving.search import ENOUGH
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import measure
 
 COIL = tasks.load("coil").task.on(Arm())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from octoctrl import tasks
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, REST_FRAME, Arm, LumpedSection
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import Plant
@@ -16,6 +16,7 @@ from octoctrl.sim.rod.layout import Row
 from octoctrl.sim.rotations import rotation_vector
 from octoctrl.sim.running.clock import CHUNK
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import measure
 
 LENGTH = 0.2

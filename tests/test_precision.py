@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from assembly_parts import step_of
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.hydrostat_terms import hydrostat_terms
 from octoctrl.sim.assembly.layout import SINGLE_STATE_ROWS, STATE_ROWS
 from octoctrl.sim.assembly.layout import AssemblyRow as R
@@ -20,6 +20,7 @@ from octoctrl.sim.compiler import kernel
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.physics.fibre_kernels import MIDDLE, isometric_stress, law_constants, passive_stress, passive_tangent
 from octoctrl.sim.plants import make_plant
+from octoctrl.sim.templates import Plateau
 
 SCALE = 2.5
 PAIR = (0.25, 0.5)

@@ -19,11 +19,12 @@ from octoctrl.planners.model.parameters import FACTORS
 from octoctrl.planners.model.reduced import LAWS, ReducedModel, ReducedParameters
 from octoctrl.planners.model.statics import CONSTANTS, section_constants
 from octoctrl.planners.model.stepping_kernels import buffers
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, LumpedSection, azimuth
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.rotations import rotation_matrix
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Plateau
 
 COIL = Activation(
     templates=(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from octoctrl.laboratory.trials import draw
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.findings import Finding
@@ -14,6 +14,7 @@ from octoctrl.sim.rod.elastic import RodSimulation
 from octoctrl.sim.rod.layout import Row
 from octoctrl.sim.rod.rod import Rod
 from octoctrl.sim.rotations import rotation_matrix
+from octoctrl.sim.templates import Plateau
 
 MATERIAL = {"density": 1000.0, "youngs_modulus": 1e4, "shear_modulus": 4e3}
 

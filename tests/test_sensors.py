@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import Plant
 from octoctrl.sim.running.observation import Observation
 from octoctrl.sim.running.sensors import Sensors
+from octoctrl.sim.templates import Plateau
 
 FIELDS = ("points", "frames", "stretch", "velocities", "spins")
 

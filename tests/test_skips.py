@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.plants import Plant
 from octoctrl.sim.rod.core import RodCore
 from octoctrl.sim.rod.layout import STATE_ROWS
 from octoctrl.sim.running.plant import Plant as CorePlant
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Plateau
 
 
 class Unskipped(RodCore):

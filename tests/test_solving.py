@@ -25,8 +25,9 @@ from octoctrl.planners.solving.optimiser import BAND, OPENING, _Constraints, obj
 from octoctrl.planners.solving.problem import GUARD, GUARD_SCALE, SAMPLE, Problem
 from octoctrl.planners.solving.search import COARSE, Search
 from octoctrl.planners.solving.slopes import Slopes, SlopesMath
-from octoctrl.sim.activation import Activation, Plateau, Wave
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
+from octoctrl.sim.templates import Plateau, Wave
 
 COIL = tasks.load("coil").task.on(Arm())
 

@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.body.layout import OCTOPUS_MUSCLES
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import Plant, make_plant
 from octoctrl.sim.sources import Corrected, Held, sampled
+from octoctrl.sim.templates import Plateau
 
 EDGES = np.linspace(0.0, 0.2, 9)
 PARTITIONS = {"arm": EDGES, "oblique": np.linspace(0.0, 0.2, 16)}

@@ -18,8 +18,8 @@ from octoctrl.files import store, writing
 from octoctrl.judging.verification import verify
 from octoctrl.planners.asking.registry import stored_kinds
 from octoctrl.planners.contracts import ControllerReport
-from octoctrl.sim.activation import Plateau
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.trace import TopologyConvention
 
 
@@ -239,7 +239,8 @@ def test_fields_that_do_not_fit_are_damage_or_another_version(stored, change, wr
 TURNS = """
 import sys
 from octoctrl.files import store, writing
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
+from octoctrl.sim.templates import Plateau
 for turn in range(150):
     store.save("shared.npz", Activation(templates=(Plateau(groups=("LM1",), level=(turn + 1) / 1000),)), overwrite=True)
     store.load("shared.npz", expect="Activation")

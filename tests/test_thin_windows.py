@@ -12,7 +12,8 @@ from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.fitting.identified import load_identified
 from octoctrl.planners.solving import planner
 from octoctrl.planners.solving.plan import PlanStatus
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
+from octoctrl.sim.templates import Plateau
 
 ENDS = (0.15, 0.16, 0.17, 0.18, 0.185, 0.19, 0.195, 0.2)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_banded
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.assembly.core import AssemblyCore
 from octoctrl.sim.assembly.halves import Halves
 from octoctrl.sim.assembly.layout import AssemblyRow as R
@@ -26,6 +26,7 @@ from octoctrl.sim.scene.loads import SpreadLoad
 from octoctrl.sim.scene.objects import Sphere
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.scene.supports import Free
+from octoctrl.sim.templates import Plateau
 
 pytestmark = pytest.mark.filterwarnings("ignore:threads=2, but this process has one core")
 MOVING = Activation(templates=(Plateau(groups=("R-OM", "LM1", "TM"), level=0.3, rise=0.05),))

@@ -7,8 +7,9 @@ import pytest
 from verdict_scenes import Motion, plan_of, recording_of, run_of
 
 from octoctrl.judging.verification import Limits, verify
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.plants import make_plant
+from octoctrl.sim.templates import Plateau
 
 
 @pytest.mark.parametrize("groups", [("TM",), ("LM1", "LM2", "LM8"), ("R-OM", "L-OM")], ids="+".join)

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 from octoctrl.sim.plants import Plant, make_plant
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.templates import Plateau
 
 from ..tables import Table
 

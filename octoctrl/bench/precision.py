@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octoctrl.planners.model.reduced import ReducedMotion
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import Plant
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from .. import tasks

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.plants import Plant, warmup
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Plateau
 
 from ..tables import Table, fastest
 

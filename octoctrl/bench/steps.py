@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.rod.layout import Row
 from octoctrl.sim.running.clock import StepLimit
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.templates import Plateau
 
 from ..tables import Table
 

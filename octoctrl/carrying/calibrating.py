@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from octoctrl.planners.asking.wrapping import TwistCurve
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.plants import check_plant, make_plant
 from octoctrl.sim.scene.scene import Scene, Water
+from octoctrl.sim.templates import Plateau
 from octoctrl.sim.topology.measures import present_of_frames
 
 from ..files.writing import written_aside

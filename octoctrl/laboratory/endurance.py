@@ -81,8 +81,9 @@ def settled_speed(progress: Progress | None = None) -> dict[str, float]:
         Processor time of a step while it is ``moving``, after 60 s of ``rest``, and of one that was ``never`` moved; and the smallest
         speed that is not zero, ``smallest``, m/s.
     """
-    from octoctrl.sim.activation import Activation, Plateau
+    from octoctrl.sim.activation import Activation
     from octoctrl.sim.plants import Plant
+    from octoctrl.sim.templates import Plateau
 
     pull = Activation(templates=(Plateau(groups=("LM1", "R-OM"), level=0.3, rise=0.1, offset=PULSE - 0.2, fall=0.1),))
     if progress is not None:

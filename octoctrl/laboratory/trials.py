@@ -12,9 +12,10 @@ from zlib import crc32
 import numpy as np
 from numpy.random import Generator
 
-from octoctrl.sim.activation import Activation, Plateau, Wave
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.body.muscles import LONGITUDINAL, TRANSVERSE
+from octoctrl.sim.templates import Plateau, Wave
 
 WATER_DENSITY = 1050.0
 

@@ -7,9 +7,9 @@ their own by writing a frozen dataclass with the methods of `octoctrl.planners.c
 from dataclasses import dataclass
 from math import inf
 
-from octoctrl.sim.activation import Plateau, Pulse, Template, Wave
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
 from octoctrl.sim.errors import check_choice
+from octoctrl.sim.templates import Plateau, Pulse, Template, Wave
 
 from ..contracts import Expression
 from .registry import register_primitive

@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from octoctrl.sim.activation import Plateau, Template, Wave
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
 from octoctrl.sim.errors import OctoctrlError, check_number
+from octoctrl.sim.templates import Plateau, Template, Wave
 
 from ..contracts import Expression
 from .primitives import RAMP_BOUNDS
@@ -82,7 +82,7 @@ class Curl(_Bending):
     level : float
         At the start.
     profile : float
-        Exponent by which the level follows the arm's radius; see `octoctrl.sim.activation.Wave`.
+        Exponent by which the level follows the arm's radius; see `octoctrl.sim.templates.Wave`.
     start, stop : float, m
         Arclengths between which it acts.
     speed : float, m/s

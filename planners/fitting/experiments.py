@@ -4,8 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Plateau
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
+from octoctrl.sim.templates import Plateau
 
 RAMP = 1.7
 """Stretches the ramps of the experiments: faster ones would teach the model to make up for inertia, which it does not have."""

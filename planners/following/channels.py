@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Template
+from octoctrl.sim.activation import Activation
+from octoctrl.sim.templates import Template
 
 from ..contracts import Floats
 

@@ -19,10 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from octoctrl.sim.activation import Activation, Template
+from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.rotations import rotation_vector
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.templates import Template
 
 from ..asking.goals.recorded import RecordedOutputs
 from ..contracts import ClockReading, Floats, Goal, Observation, When

@@ -1,6 +1,6 @@
 """Arrays that carry their derivatives, for the activation of a schedule whose numbers the planner chooses.
 
-The formulas of `octoctrl.sim.activation` take the module they calculate with. Given numbers of this kind, and `SlopesMath`, they yield
+The formulas of `octoctrl.sim.templates` take the module they calculate with. Given numbers of this kind, and `SlopesMath`, they yield
 levels and their derivatives by the unknowns in one pass, exactly, without building anything: forward differentiation (Wengert 1964). A
 primitive of one's own joins in as long as it calculates with + - * / and powers.
 """

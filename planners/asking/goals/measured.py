@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from octoctrl.sim.activation import check_window
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, check_number
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.templates import check_window
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ...contracts import Expression, Floats, Outputs, Reach, When
