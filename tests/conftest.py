@@ -8,8 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 ROOT = Path(__file__).parent.parent
+
+# How long an example takes says nothing on a machine that others use.
+settings.register_profile("octoctrl", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("octoctrl")
 
 
 def pytest_configure(config):
