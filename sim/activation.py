@@ -55,10 +55,13 @@ class Activation:
         used = {group for template in self.templates for group in template.groups}
         return tuple(group for group in self.layout.names if group in used)
 
-    def compose(self, math: Any, group: str, time: Any, lower: Any, upper: Any, known: dict[Any, Any] | None = None) -> Any:
+    def compose(
+        self, math: Any, group: str, time: Any, lower: Any, upper: Any, known: dict[Any, Any] | None = None, ahead: Any = 0.0
+    ) -> Any:
         """Mean activation of `group` in the cells [lower, upper] at `time`, with the module `math`; not checked for saturation.
 
-        A dict `known` keeps what the groups of a template share, and what groups have in common whose templates are the same.
+        A dict `known` keeps what the groups of a template share, and what groups have in common whose templates are the same. The clock
+        of what travels is `ahead`, s.
         """
         known = {} if known is None else known
         here = tuple(index for index, template in enumerate(self.templates) if group in template.groups)
@@ -68,8 +71,9 @@ class Activation:
         for index in here:
             template = self.templates[index]
             if index not in known:
-                weight = template.weight(math, time, lower, upper) if self.composition == "handover" else None
-                known[index] = template.values(math, time, lower, upper, weight), template.coverage(lower, upper), weight
+                clock = time + ahead if template.travels else time
+                weight = template.weight(math, clock, lower, upper) if self.composition == "handover" else None
+                known[index] = template.values(math, clock, lower, upper, weight), template.coverage(lower, upper), weight
             value, coverage, weight = known[index]
             if self.composition == "add":
                 total = total + coverage * value
@@ -83,7 +87,7 @@ class Activation:
         known[here] = total
         return total
 
-    def levels(self, times: ArrayLike, edges: ArrayLike) -> Floats:
+    def levels(self, times: ArrayLike, edges: ArrayLike, ahead: ArrayLike = 0.0) -> Floats:
         """Cell averages of every group.
 
         Parameters
@@ -91,6 +95,8 @@ class Activation:
         times : (T,) float64, s
         edges : (n + 1,) float64, m
             Arclengths that bound the cells.
+        ahead : float or (T,) float64, s
+            By how much the clock of templates that travel is ahead.
 
         Returns
         -------
@@ -102,10 +108,11 @@ class Activation:
             If a level leaves [0, 1] and `on_saturation` is ``"error"``.
         """
         times, edges = np.asarray(times, dtype=float), np.asarray(edges, dtype=float)
+        clocks, early = times[:, None], np.asarray(ahead, dtype=float)[..., None]
         levels = np.zeros((times.size, len(self.layout), edges.size - 1))
-        known: dict[int, tuple[Any, Any, Any]] = {}
+        known: dict[Any, Any] = {}
         for group in self.groups:
-            levels[:, self.layout.index(group)] = self.compose(np, group, times[:, None], edges[:-1], edges[1:], known)
+            levels[:, self.layout.index(group)] = self.compose(np, group, clocks, edges[:-1], edges[1:], known, early)
         if levels.max(initial=0.0) > 1 + 1e-12 and self.on_saturation == "error":
             self._raise_saturated(levels, times, edges)
         return np.clip(levels, 0.0, 1.0, out=levels)

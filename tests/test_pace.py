@@ -11,7 +11,7 @@ from octoctrl.judging.packet import packet_of
 from octoctrl.planners.contracts import ClockReading
 from octoctrl.planners.following.channels import Channels
 from octoctrl.planners.following.design import Course
-from octoctrl.planners.following.pace import ANSWER, RATE, Pace, Paced, moved
+from octoctrl.planners.following.pace import ANSWER, RATE, Pace, Paced
 from octoctrl.sim.activation import Activation
 from octoctrl.sim.templates import Plateau, Pulse, Wave
 
@@ -35,7 +35,7 @@ def earlier(ahead):
 
 def test_a_clock_that_is_ahead_moves_what_travels_alone():
     times = np.linspace(0.0, 2.0, 21)
-    found = moved(BOTH, np.full(21, 0.08)).levels(times, EDGES)
+    found = BOTH.levels(times, EDGES, np.full(21, 0.08))
     np.testing.assert_allclose(found, earlier(0.08).levels(times, EDGES), atol=1e-12)
     assert np.abs(found - BOTH.levels(times, EDGES)).max() > 0.1
 
@@ -96,7 +96,7 @@ def test_what_a_clock_does_is_that_of_the_model(packet):
     course, model, ahead = Course(packet, packet.model), packet.model, 2e-3
     period = course.periods[18]
     ends = [course.predicted(period, np.zeros(len(course.channels)), period.strains, sign * ahead).strains for sign in (1, -1)]
-    shifted = model.levels(moved(packet.schedule.activation(), np.array([ahead])), np.array([19 * course.period]))
+    shifted = model.levels(Paced(packet.schedule.activation(), course.channels, (0.0, 0.0), (ahead, ahead)), np.array([19 * course.period]))
     there = model.simulate(shifted, [course.period], start=period.strains.reshape(-1, 4)).strains[-1].ravel()
     scale = abs(ends[0] - ends[1]).max()
     np.testing.assert_allclose((ends[0] - ends[1]) / scale, 2 * ahead * period.linear.timing / scale, atol=0.02)

@@ -23,7 +23,7 @@ from ..model.reduced import ReducedModel, ReducedMotion
 from ..solving.plan import Plan
 from .channels import Channels
 from .held import Held
-from .pace import moved
+from .pace import Paced
 
 CORRECTION, REST_SHARE = 1 / 3, 0.05
 """Share of a channel's planned level by which a correction costs as much as an error of `held`; and the share of that which a channel at
@@ -248,7 +248,8 @@ class Course:
         """By how much levels felt at the times `felt` (T,) grow with the clock of what travels, (T, groups, S), 1/s."""
         if not any(template.travels for template in self._activation.templates):
             return np.zeros((len(felt), len(MUSCLE_GROUPS), self._model.sections))
-        after, before = (self._model.levels(moved(self._activation, np.full(len(felt), step)), felt) for step in (CLOCK_STEP, -CLOCK_STEP))
+        moved = (Paced(self._activation, self.channels, (0.0, 0.0), (step, step)) for step in (CLOCK_STEP, -CLOCK_STEP))
+        after, before = (self._model.levels(paced, felt) for paced in moved)
         return np.asarray((after - before) / (2 * CLOCK_STEP))
 
     def predicted(self, period: Period, correction: Floats, start: Floats, ahead: float = 0.0) -> Prediction:

@@ -25,8 +25,9 @@ from octoctrl.sim.rotations import rotation_vector
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.templates import Template
 
+from ..asking.goals.measured import ScalarGoal
 from ..asking.goals.recorded import RecordedOutputs
-from ..contracts import ClockReading, Floats, Goal, Observation, When
+from ..contracts import ClockReading, Floats, Observation, When
 from ..solving.plan import Plan
 from .channels import Channels
 
@@ -58,37 +59,8 @@ class _Due(NamedTuple):
 
     begin: float
     full: float
-    goal: Goal
+    goal: ScalarGoal
     share: float
-
-
-@dataclass(frozen=True, slots=True)
-class Shifted:
-    """A template whose clock is `ahead` (T, 1), s, at the T times that it is asked for."""
-
-    template: Template
-    ahead: Floats
-
-    @property
-    def groups(self) -> tuple[str, ...]:
-        """Those of the template."""
-        return self.template.groups
-
-    def values(self, math: Any, time: Any, lower: Any, upper: Any, weight: Any = None) -> Any:
-        """As the template has it."""
-        return self.template.values(math, time + self.ahead, lower, upper, weight)
-
-    def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
-        """As the template has it."""
-        return self.template.weight(math, time + self.ahead, lower, upper)
-
-    def coverage(self, lower: Any, upper: Any) -> Any:
-        """As the template has it."""
-        return self.template.coverage(lower, upper)
-
-    def wrote(self, math: Any, value: Any) -> Any:
-        """As the template has it."""
-        return self.template.wrote(math, value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +76,7 @@ class Paced:
         """Levels (T, groups, n) at readings `times`, s, in the cells between `edges`, m."""
         if self.ahead == (0.0, 0.0):
             return self.activation.levels(times, edges)
-        return moved(self.activation, self._at(times)).levels(times, edges)
+        return replace(self.activation, on_saturation="clip").levels(times, edges, self._at(times))
 
     def shares(self, times: Floats, edges: Floats) -> Floats:
         """Shares (T, channels, n) in which corrections reach those cells."""
@@ -120,12 +92,6 @@ class Paced:
         begin, end = self.readings
         share = np.clip((np.asarray(times, dtype=float) - begin) / max(end - begin, 1e-9), 0.0, 1.0)
         return self.ahead[0] + share * (self.ahead[1] - self.ahead[0])
-
-
-def moved(activation: Activation, ahead: Floats) -> Activation:
-    """The `activation` with what travels `ahead` (T,), s, at the T times that it is asked for."""
-    templates = tuple(Shifted(template, ahead[:, None]) if template.travels else template for template in activation.templates)
-    return replace(activation, templates=templates, on_saturation="clip")  # type: ignore[arg-type]
 
 
 class Pace:
@@ -149,7 +115,7 @@ class Pace:
             (begin, end - goal.hold, goal)
             for phase, (begin, end) in zip(plan.task.phases, pairwise(edges), strict=True)
             for goal in phase.goals
-            if travelling and getattr(goal, "timed", False) and goal.when is not When.THROUGHOUT
+            if travelling and isinstance(goal, ScalarGoal) and goal.timed and goal.when is not When.THROUGHOUT
         ]
         self._arm, self.ahead = plan.arm, 0.0
         self._since, self._shifts = [-np.inf], [0.0]
@@ -164,10 +130,10 @@ class Pace:
         due = [goal for goal in self._goals if goal.begin <= reading.begin < goal.full - 1e-9]
         if reading.end > reading.begin and due:
             _, full, goal, share = min(due, key=lambda one: one.full)
-            seen = float(np.asarray(goal.read(_outputs(observation, self._arm)))[0])  # type: ignore[attr-defined]
+            seen = float(np.asarray(goal.read(_outputs(observation, self._arm)))[0])
             then = reading.begin - (reading.now - observation.time) - ANSWER
             offset = seen - share * self._place(then + self._shift(then))
-            low, high = goal.band  # type: ignore[attr-defined]
+            low, high = goal.band
             asked = np.clip(offset + share * self._place(full - ANSWER + self.ahead), low, high)
             wanted = float(np.interp((asked - offset) / share, self._places, self._times)) - (full - ANSWER)
             left, span = max(full - ANSWER - reading.begin, reading.period), reading.end - reading.begin
@@ -177,11 +143,11 @@ class Pace:
         self._shifts.append(self.ahead)
         return self.ahead
 
-    def _share(self, plan: Plan, begin: float, full: float, goal: Goal) -> float:
+    def _share(self, plan: Plan, begin: float, full: float, goal: ScalarGoal) -> float:
         """How far the packet goes from `begin` to `full`, s, as a share of the wave's way, as the plan has it."""
         instants = np.searchsorted(plan.time, [begin, full]).clip(max=len(plan.time) - 1)
         planned = RecordedOutputs(plan.model.recording(plan.time[instants], plan.strains[instants]), None, plan.arm)
-        (first, last), way = goal.read(planned), self._place(full) - self._place(begin)  # type: ignore[attr-defined]
+        (first, last), way = goal.read(planned), self._place(full) - self._place(begin)
         return float(np.clip((last - first) / max(way, 1e-9), *SHARES))
 
     def _shift(self, clock: float) -> float:

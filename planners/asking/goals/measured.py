@@ -36,8 +36,6 @@ class MeasuredGoal:
     unit: ClassVar[str]
     steered: ClassVar[bool] = True
     """Whether feedback holds it, by its slopes on the reduced model."""
-    timed: ClassVar[bool] = False
-    """Whether it is a matter of when what travels arrives, which feedback sees to by its clock."""
     tolerance: float
     when: When = When.END
     hold: float = 0.0
@@ -92,6 +90,8 @@ class ScalarGoal(MeasuredGoal):
         To stay between.
     """
 
+    timed: ClassVar[bool] = False
+    """Whether it is a matter of when what travels arrives, which feedback sees to by its clock."""
     value: Length | None = None
     at_least: Length | None = None
     at_most: Length | None = None
