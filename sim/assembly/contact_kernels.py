@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..body.grid import AssemblyGrid
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from ..contact.shape_kernels import distance
 from ..contact.sweep_kernels import Surface, contact_sweeps
 from .family_kernels import family_offsets
@@ -30,36 +30,36 @@ def contact_kernels(grid: AssemblyGrid) -> Any:
     X1, X2, X3, V1, V2, V3, LOW1, LOW2, LOW3 = (o[f"{field}{i}"] for field in ("X", "V", "LOW") for i in (1, 2, 3))
     MOBILITY = o["NODE_MOBILITY"]
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def node(b: Any, k: Any) -> Any:
         x1, x2, x3 = np.float64(b[X1 + k]), np.float64(b[X2 + k]), np.float64(b[X3 + k])
         if single:
             x1, x2, x3 = x1 + b[LOW1 + k], x2 + b[LOW2 + k], x3 + b[LOW3 + k]
         return x1, x2, x3
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def velocity(b: Any, points: Any, p: Any, l1: Any, l2: Any, l3: Any) -> Any:
         k = points.place[p]
         return np.float64(b[V1 + k]), np.float64(b[V2 + k]), np.float64(b[V3 + k])
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def place(b: Any, points: Any, p: Any) -> Any:
         x1, x2, x3 = node(b, points.place[p])
         v1, v2, v3 = velocity(b, points, p, 0.0, 0.0, 0.0)
         return x1, x2, x3, points.radius[p], v1 * v1 + v2 * v2 + v3 * v3
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def meet(b: Any, points: Any, p: Any, body: Any) -> Any:
         x1, x2, x3 = node(b, points.place[p])
         gap, n1, n2, n3 = distance(body, x1, x2, x3)
         return gap - points.radius[p], n1, n2, n3, x1, x2, x3, 0.0
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def mobility(b: Any, points: Any, p: Any, arm: Any, rate: Any) -> Any:
         found = np.float64(b[MOBILITY + points.place[p]]) * rate
         return found, found
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def push(b: Any, points: Any, p: Any, l1: Any, l2: Any, l3: Any, rate: Any, p1: Any, p2: Any, p3: Any) -> None:
         k = points.place[p]
         gives = np.float64(b[MOBILITY + k]) * rate

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from ..body.grid import AssemblyGrid
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from ..contact.columns import Body
-from ..contact.near_kernels import look
+from ..contact.near_kernels import due, look
 from .family_kernels import family_offsets
 
 ONE = np.uint64(1)
@@ -31,7 +31,7 @@ INVERSE_MASS, KINETIC, STIFFNESS, IMPULSE, COUPLE = map(int, (Body.INVERSE_MASS,
 SUM, DEEPEST, LOADED = map(int, (Body.NORMAL, Body.DEEPEST, Body.LOADED))
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def closest(r1: float, r2: float, r3: float, e1: float, e2: float, e3: float, a1: float, a2: float, a3: float) -> tuple[float, float]:
     """Shares (u, t) where the segments P + u e and S + t a, r = P - S, are closest (Ericson 2005, Real-Time Collision Detection, 5.1)."""
     aa, ee = e1 * e1 + e2 * e2 + e3 * e3, a1 * a1 + a2 * a2 + a3 * a3
@@ -59,10 +59,9 @@ def published_contact_kernels(grid: AssemblyGrid) -> Any:
     X1, X2, X3, V1, V2, V3, F1, F2, F3 = (o[f"{field}{i}"] for field in "XVF" for i in (1, 2, 3))
     SECTION, nodes = o["RADIUS"], grid.helix_elements + 1
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def watch(b: Any, world: Any, span: Any) -> None:
-        world.lease[0] -= span
-        if world.lease[0] > 0:
+        if not due(world, span):
             return
         points, places, fastest = world.points, world.places, 0.0
         for p in range(len(points.place)):
@@ -75,7 +74,7 @@ def published_contact_kernels(grid: AssemblyGrid) -> Any:
             places[3, p] = points.radius[p] + 0.5 * np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
         look(world, np.sqrt(fastest), span)
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def press(b: Any, world: Any, h: Any) -> None:
         points = world.points
         for j in range(world.bodies.shape[0]):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from ..contracts import Floats
 from .columns import Body
 
@@ -17,7 +17,7 @@ INVERSE_MASS, INVERSE_INERTIA, DAMPING = (int(c) for c in (Body.INVERSE_MASS, Bo
 SPRING, HOME, HOME_AXIS, PUSH, MOVING = (int(c) for c in (Body.SPRING, Body.HOME, Body.HOME_AXIS, Body.PUSH, Body.MOVING))
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def turned(body: Floats, l1: float, l2: float, l3: float) -> tuple[float, ...]:
     """Spin that an angular momentum gives the body."""
     a = (l1 * body[FRAME] + l2 * body[FRAME + 1] + l3 * body[FRAME + 2]) * body[INVERSE_INERTIA]
@@ -30,7 +30,7 @@ def turned(body: Floats, l1: float, l2: float, l3: float) -> tuple[float, ...]:
     )
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def spin_of(body: Floats) -> Any:
     """Spin of a body: its own, or the one it is given."""
     if body[INVERSE_MASS] > 0:
@@ -38,7 +38,7 @@ def spin_of(body: Floats) -> Any:
     return body[SPIN], body[SPIN + 1], body[SPIN + 2]
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def rotate(body: Floats, u1: float, u2: float, u3: float) -> None:
     """Turn the frame by the rotation vector u, in the laboratory frame."""
     square = u1 * u1 + u2 * u2 + u3 * u3
@@ -53,7 +53,7 @@ def rotate(body: Floats, u1: float, u2: float, u3: float) -> None:
         body[k + 2] = d3 + sine * c3 + cosine * (u1 * c2 - u2 * c1)
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def any_moves(bodies: Floats) -> bool:
     """Whether any body can go anywhere."""
     for j in range(bodies.shape[0]):
@@ -62,7 +62,7 @@ def any_moves(bodies: Floats) -> bool:
     return False
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def drift_bodies(bodies: Floats, h: float) -> None:
     """Move and turn all bodies for a time h."""
     for j in range(bodies.shape[0]):
@@ -86,7 +86,7 @@ def drift_bodies(bodies: Floats, h: float) -> None:
         rotate(body, h * w1, h * w2, h * w3)
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def straighten(body: Floats) -> None:
     """Make a frame orthonormal again, to first order of what rounding and series have left: once a sample."""
     for _ in range(2):
@@ -102,7 +102,7 @@ def straighten(body: Floats) -> None:
             body[k], body[k + 1], body[k + 2] = m1 / size, m2 / size, m3 / size
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def kick_bodies(bodies: Floats, h: float) -> None:
     """Springs, pushes and damping over one step; springs of position are implicit, damping is exact."""
     for j in range(bodies.shape[0]):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from .friction_kernels import normal_impulse
 from .near_kernels import HASTE, LEAST_MARGIN, SWELLING
 from .sweep_kernels import Surface
@@ -26,7 +26,7 @@ def fold_sweeps(surface: Surface) -> Any:
     """
     place, velocity, mobility, push = surface.place, surface.velocity, surface.mobility, surface.push
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def watch(b: Any, folds: Any, span: Any) -> None:
         points, places, first, fastest, found = folds.points, folds.places, folds.first, 0.0, 0
         count = len(first)
@@ -43,7 +43,7 @@ def fold_sweeps(surface: Surface) -> Any:
                     found += 1
         folds.found[0] = found
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def part(b: Any, folds: Any, h: Any) -> None:
         points, sums, rate = folds.points, folds.sums, 1.0 / h
         for k in range(folds.found[0]):
@@ -73,7 +73,7 @@ def fold_sweeps(surface: Surface) -> Any:
                 sums[2] += 1.0
                 sums[3] = max(sums[3], -gap - size / (h * stiffness))
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def note(folds: Any, sample: Any, h: Any, steps: Any) -> bool:
         sums, notes = folds.sums, folds.notes
         notes[sample, 0], notes[sample, 1], notes[sample, 2] = sums[0] / (h * steps), sums[1], sums[2] / steps

@@ -16,7 +16,7 @@ predicted one the arm would tremble in its grasp for ever.
 
 import numpy as np
 
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from ..contracts import Floats
 from .body_kernels import spin_of, turned
 from .columns import Anchor, Body
@@ -33,7 +33,7 @@ ZETA = 1.0
 TINY = 1e-300
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def apart(anchors: Floats, p: int) -> None:
     """Forget a touch, but for the path slid."""
     for i in range(6):
@@ -41,7 +41,7 @@ def apart(anchors: Floats, p: int) -> None:
             anchors[p, i] = 0.0
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def relative(body: Floats, b1: float, b2: float, b3: float, v1: float, v2: float, v3: float) -> tuple[float, ...]:
     """Velocity of the arm's surface less that of the body at the lever b from its centre."""
     if body[MOVING] == 0.0:
@@ -54,7 +54,7 @@ def relative(body: Floats, b1: float, b2: float, b3: float, v1: float, v2: float
     )
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def mobility_along(body: Floats, b1: float, b2: float, b3: float, e1: float, e2: float, e3: float) -> float:
     """Velocity of the body's point at lever b along e after a unit impulse along e."""
     if body[INVERSE_MASS] == 0.0:
@@ -64,7 +64,7 @@ def mobility_along(body: Floats, b1: float, b2: float, b3: float, e1: float, e2:
     return body[INVERSE_MASS] + l1 * w1 + l2 * w2 + l3 * w3
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def stays_apart(
     body: Floats, gap: float, n1: float, n2: float, n3: float, c1: float, c2: float, c3: float, v1: float, v2: float, v3: float, h: float
 ) -> bool:
@@ -75,7 +75,7 @@ def stays_apart(
     return gap + h * (v1 * n1 + v2 * n2 + v3 * n3) >= 0
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def normal_impulse(gap: float, speed: float, mobility: float, stiffness: float, h: float) -> float:
     """Impulse along the normal between surfaces at a `gap` that part with a `speed`, by the `mobility` of the pair; none if negative."""
     damping = 2 * ZETA * np.sqrt(stiffness / mobility) if gap < 0 else 0.0
@@ -83,7 +83,7 @@ def normal_impulse(gap: float, speed: float, mobility: float, stiffness: float, 
     return (-h * stiffness * gap - a * speed) / (1 + a * mobility)
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def impulse(
     body: Floats, anchors: Floats, point: int, gap: float, n1: float, n2: float, n3: float, b1: float, b2: float, b3: float, v1: float,
     v2: float, v3: float, arm_normal: float, arm_tangent: float, crowd: float, stiffness: float, h: float,
@@ -127,7 +127,7 @@ def impulse(
     return p, p * n1 + q1, p * n2 + q2, p * n3 + q3
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def push(body: Floats, p1: float, p2: float, p3: float, l1: float, l2: float, l3: float) -> None:
     """Give a body the impulse p and the angular momentum l about its centre."""
     mobility = body[INVERSE_MASS]
@@ -140,7 +140,7 @@ def push(body: Floats, p1: float, p2: float, p3: float, l1: float, l2: float, l3
         body[MOMENTUM + 2] += l3
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def touch(
     body: Floats, anchors: Floats, point: int, gap: float, n1: float, n2: float, n3: float, c1: float, c2: float, c3: float, v1: float,
     v2: float, v3: float, arm_normal: float, arm_tangent: float, stiffness: float, h: float,
@@ -167,7 +167,7 @@ def touch(
     return p1, p2, p3
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def follow(
     body: Floats, anchors: Floats, point: int, n1: float, n2: float, n3: float, c1: float, c2: float, c3: float, v1: float, v2: float,
     v3: float, h: float,
@@ -177,7 +177,7 @@ def follow(
     body[SLIPPED] = max(body[SLIPPED], anchors[point, SLIP])
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def move_anchor(
     body: Floats, anchors: Floats, point: int, n1: float, n2: float, n3: float, c1: float, c2: float, c3: float, v1: float, v2: float,
     v3: float, h: float,

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from .body_kernels import any_moves
 from .columns import Anchor, Body
 from .shape_kernels import distance
@@ -23,7 +23,7 @@ SWELLING = 1.05
 """By how much a radius may grow meanwhile."""
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def find_near(world: Any, fastest: float, span: float) -> bool:
     """List the points, at their `places`, that may meet each body within a time `span` (s); `fastest` (m/s) is the quickest of them.
 
@@ -68,7 +68,7 @@ def find_near(world: Any, fastest: float, span: float) -> bool:
     return close
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def find_pairs(world: Any, span: float) -> bool:
     """Mark the pairs of bodies that may meet within a time `span` (s); returns whether there are any."""
     bodies, pairs, close = world.bodies, world.pairs, False
@@ -84,7 +84,14 @@ def find_pairs(world: Any, span: float) -> bool:
     return close
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
+def due(world: Any, span: float) -> bool:
+    """Whether one has to look again, a time `span` (s) after the last: what is far from the whole arm grants a lease."""
+    world.lease[0] -= span
+    return not world.lease[0] > 0
+
+
+@borrowing_kernel
 def look(world: Any, fastest: float, span: float) -> None:
     """Look what may meet within a time `span` (s), of an arm whose points are at their `places` and none quicker than `fastest` (m/s)."""
     world.seen[MOVES] = any_moves(world.bodies)

@@ -1,6 +1,6 @@
 """What is kept of the bodies at the end of a sample, and whether the step could follow what they touched."""
 
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from ..scene.objects import FIRM
 from .body_kernels import straighten
 from .columns import Body, Note
@@ -18,7 +18,7 @@ PLACED = int(Body.MOMENTUM - Body.POSITION)
 """Columns of position, frame and velocity, side by side in a body's row and in a note."""
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def note(world: World, sample: int, h: float, steps: int) -> None:
     """Copy the bodies, with means over the sample in place of sums, and clear the sums; not those that have not moved or been touched."""
     bodies, notes, noted = world.bodies, world.notes, world.noted

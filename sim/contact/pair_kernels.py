@@ -7,7 +7,7 @@ body that lies on many of them.
 
 from typing import Any
 
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from .body_kernels import spin_of
 from .columns import Anchor, Body
 from .friction_kernels import impulse, mobility_along, move_anchor, push, relative
@@ -20,7 +20,7 @@ NEAR = 0.5e-3
 """Gap (m) up to which the law is asked; above it nothing acts unless a force did in the step before."""
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def point_on(body: Any, marker: Any) -> Any:
     """Where a body's point is."""
     m1, m2, m3 = marker[0], marker[1], marker[2]
@@ -31,7 +31,7 @@ def point_on(body: Any, marker: Any) -> Any:
     )
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def meeting(body: Any, other: Any, marker: Any) -> Any:
     """Gap, normal, and where the two meet, from the centre of the `body` whose point it is."""
     x1, x2, x3 = point_on(body, marker)
@@ -41,7 +41,7 @@ def meeting(body: Any, other: Any, marker: Any) -> Any:
     return gap, n1, n2, n3, x1 - out * n1 - body[POSITION], x2 - out * n2 - body[POSITION + 1], x3 - out * n3 - body[POSITION + 2]
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def velocity_at(body: Any, b1: float, b2: float, b3: float) -> Any:
     """Velocity of a body at the lever b from its centre."""
     w1, w2, w3 = spin_of(body)
@@ -52,7 +52,7 @@ def velocity_at(body: Any, b1: float, b2: float, b3: float) -> Any:
     )
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def approach(body: Any, other: Any, b1: float, b2: float, b3: float) -> Any:
     """Lever from the centre of the other, and velocity past it, of the place at the lever b of the `body`."""
     a1, a2, a3 = (
@@ -65,7 +65,7 @@ def approach(body: Any, other: Any, b1: float, b2: float, b3: float) -> Any:
     return a1, a2, a3, v1, v2, v3
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def crowd_of(body: Any, other: Any, anchors: Any, pairs: Any, first: int, last: int, h: float) -> float:
     """How many points of a pair touch, or would by the end of the step: they share the bodies between them."""
     count = 0.0
@@ -79,7 +79,7 @@ def crowd_of(body: Any, other: Any, anchors: Any, pairs: Any, first: int, last: 
     return max(count, 1.0)
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def meet(world: Any, h: float) -> None:
     """Exchange impulses between all bodies that touch, and move their anchors."""
     bodies, pairs = world.bodies, world.pairs

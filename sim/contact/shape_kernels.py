@@ -7,7 +7,7 @@ outside; inside exact too, but for a box and a cylinder along their edges, where
 
 import numpy as np
 
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from ..contracts import Floats
 from .columns import Body, Shape
 
@@ -16,7 +16,7 @@ SHAPE, SIZE, POSITION, FRAME = (int(column) for column in (Body.SHAPE, Body.SIZE
 TINY = 1e-300
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def distance(body: Floats, x1: float, x2: float, x3: float) -> tuple[float, ...]:
     """Gap and normal of the point x."""
     y1, y2, y3 = x1 - body[POSITION], x2 - body[POSITION + 1], x3 - body[POSITION + 2]
@@ -43,7 +43,7 @@ def distance(body: Floats, x1: float, x2: float, x3: float) -> tuple[float, ...]
     )
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def ball(a: float, b: float, c: float, radius: float) -> tuple[float, ...]:
     """Of a ball around the origin."""
     length = np.sqrt(a * a + b * b + c * c)
@@ -53,7 +53,7 @@ def ball(a: float, b: float, c: float, radius: float) -> tuple[float, ...]:
     return length - radius, a * inverse, b * inverse, c * inverse
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def cylinder(a: float, b: float, c: float, radius: float, half: float) -> tuple[float, ...]:
     """Of a cylinder along the third axis."""
     rho = np.sqrt(a * a + b * b)
@@ -67,7 +67,7 @@ def cylinder(a: float, b: float, c: float, radius: float, half: float) -> tuple[
     return v, 0.0, 0.0, up
 
 
-@kernel(_nrt=False)
+@borrowing_kernel
 def box(a: float, b: float, c: float, half1: float, half2: float, half3: float) -> tuple[float, ...]:
     """Of a box along the axes."""
     u, v, w = abs(a) - half1, abs(b) - half2, abs(c) - half3

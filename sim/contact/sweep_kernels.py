@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from .columns import Anchor, Body
 from .friction_kernels import apart, stays_apart
 from .friction_kernels import follow as follow_point
 from .friction_kernels import touch as touch_point
-from .near_kernels import look
+from .near_kernels import due, look
 
 STIFFNESS, NORMAL = int(Body.STIFFNESS), int(Anchor.NORMAL)
 
@@ -53,10 +53,9 @@ def contact_sweeps(surface: Surface) -> Any:
     """
     place, meet, velocity, mobility, push = surface
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def watch(b: Any, world: Any, span: Any) -> None:
-        world.lease[0] -= span
-        if world.lease[0] > 0:
+        if not due(world, span):
             return
         points, places, fastest = world.points, world.places, 0.0
         for p in range(len(points.length)):
@@ -64,7 +63,7 @@ def contact_sweeps(surface: Surface) -> Any:
             fastest = max(fastest, square)
         look(world, np.sqrt(fastest), span)
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def touch(b: Any, world: Any, h: Any) -> None:
         points, rate = world.points, 1.0 / h
         for j in range(world.bodies.shape[0]):
@@ -97,7 +96,7 @@ def contact_sweeps(surface: Surface) -> Any:
                     continue
                 push(b, points, p, l1, l2, l3, rate, p1, p2, p3)
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def follow(b: Any, world: Any, h: Any) -> None:
         points = world.points
         for j in range(world.bodies.shape[0]):

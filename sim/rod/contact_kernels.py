@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler import kernel
+from ..compiler import borrowing_kernel
 from ..contact.shape_kernels import distance
 from ..contact.sweep_kernels import Surface
 from .layout import offsets
@@ -35,11 +35,11 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
     MOBILITY, MOBILITY1, MOBILITY2, MOBILITY3 = (o[name] for name in ("NODE_MOBILITY", "MOBILITY1", "MOBILITY2", "MOBILITY3"))
     STRETCH = o["STRETCH"]
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def radius(b: Any, points: Any, p: Any, k: Any) -> Any:
         return points.radius[p] if constant_section else points.radius[p] / np.sqrt(b[STRETCH + k])
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def middle(b: Any, k: Any, xi: Any) -> Any:
         q = k + ONE
         return (
@@ -48,13 +48,13 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
             b[X3 + k] + xi * (b[X3 + q] - b[X3 + k]),
         )
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def place(b: Any, points: Any, p: Any) -> Any:
         k = points.element[p]
         x1, x2, x3 = middle(b, k, points.share[p])
         return x1, x2, x3, radius(b, points, p, k), b[V1 + k] ** 2 + b[V2 + k] ** 2 + b[V3 + k] ** 2
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def meet(b: Any, points: Any, p: Any, body: Any) -> Any:
         # In the middle of the overlap.
         k = points.element[p]
@@ -65,7 +65,7 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
         arm = -(thick + 0.5 * gap)
         return gap, n1, n2, n3, x1 + arm * n1, x2 + arm * n2, x3 + arm * n3, arm
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def velocity(b: Any, points: Any, p: Any, l1: Any, l2: Any, l3: Any) -> Any:
         k, xi = points.element[p], points.share[p]
         q = k + ONE
@@ -79,17 +79,17 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
             (1 - xi) * b[V3 + k] + xi * b[V3 + q] + w1 * l2 - w2 * l1,
         )
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def turning(b: Any, k: Any, rate: Any) -> Any:
         return (1.0 if constant_section else b[STRETCH + k]) * rate
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def mobility(b: Any, points: Any, p: Any, arm: Any, rate: Any) -> Any:
         k, xi = points.element[p], points.share[p]
         normal = ((1 - xi) * (1 - xi) * b[MOBILITY + k] + xi * xi * b[MOBILITY + k + ONE]) * rate
         return normal, normal + arm * arm * turning(b, k, rate) * max(b[MOBILITY1 + k], b[MOBILITY2 + k], b[MOBILITY3 + k])
 
-    @kernel(_nrt=False)
+    @borrowing_kernel
     def push(b: Any, points: Any, p: Any, l1: Any, l2: Any, l3: Any, rate: Any, p1: Any, p2: Any, p3: Any) -> None:
         k, xi = points.element[p], points.share[p]
         q, turn = k + ONE, turning(b, k, rate)
