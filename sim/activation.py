@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .body.layout import OCTOPUS_MUSCLES, MuscleLayout
 from .errors import OctoctrlError, check_choice
-from .templates import Template
+from .templates import Template, timing
 
 Floats = NDArray[np.float64]
 
@@ -60,8 +60,8 @@ class Activation:
     ) -> Any:
         """Mean activation of `group` in the cells [lower, upper] at `time`, with the module `math`; not checked for saturation.
 
-        A dict `known` keeps what the groups of a template share, and what groups have in common whose templates are the same. The clock
-        of what travels is `ahead`, s.
+        A dict `known` keeps what the groups of a template share, and templates that differ by their levels, and groups whose templates
+        are the same. The clock of what travels is `ahead`, s.
         """
         known = {} if known is None else known
         here = tuple(index for index, template in enumerate(self.templates) if group in template.groups)
@@ -72,8 +72,11 @@ class Activation:
             template = self.templates[index]
             if index not in known:
                 clock = time + ahead if template.travels else time
-                weight = template.weight(math, clock, lower, upper) if self.composition == "handover" else None
-                known[index] = template.values(math, clock, lower, upper, weight), template.coverage(lower, upper), weight
+                if (kin := timing(template)) not in known:
+                    known[kin] = template.shape(math, clock, lower, upper), template.coverage(lower, upper)
+                shape, coverage = known[kin]
+                weight = template.weight(math, clock, lower, upper, shape) if self.composition == "handover" else None
+                known[index] = template.values(math, clock, lower, upper, shape), coverage, weight
             value, coverage, weight = known[index]
             if self.composition == "add":
                 total = total + coverage * value

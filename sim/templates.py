@@ -5,7 +5,7 @@ falls inside a cell acts with exactly the share of the cell that it covers, and 
 see the same activation. The formulas take the module they calculate with (`numpy`, or `casadi` when the planner differentiates them).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import inf
 from typing import Any, ClassVar
 
@@ -94,13 +94,17 @@ class Plateau:
         if _is_number(self.fall):
             check_number("fall", self.fall, above=0.0, unit="s")
 
-    def values(self, math: Any, time: Any, lower: Any, upper: Any, weight: Any = None) -> Any:
-        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast); `weight`, where it is known already."""
-        return self.level * (self.weight(math, time, lower, upper) if weight is None else weight)
-
-    def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
-        """How much of what lies beneath it takes over when activations are handed over, from 0 to 1."""
+    def shape(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """Mean over the cells [lower, upper] at `time` (arrays that broadcast) of what its level is to be multiplied by."""
         return plateau(math, time, self.onset, self.rise, self.offset, self.fall)
+
+    def values(self, math: Any, time: Any, lower: Any, upper: Any, shape: Any = None) -> Any:
+        """Mean activation of the cells [lower, upper] at `time`; its `shape`, where that is known already."""
+        return self.level * (self.shape(math, time, lower, upper) if shape is None else shape)
+
+    def weight(self, math: Any, time: Any, lower: Any, upper: Any, shape: Any = None) -> Any:
+        """How much of what lies beneath it takes over when activations are handed over, from 0 to 1."""
+        return self.shape(math, time, lower, upper) if shape is None else shape
 
     def coverage(self, lower: Any, upper: Any) -> Any:
         """Share of each cell in which the template acts."""
@@ -168,13 +172,19 @@ class Wave:
         if _is_number(self.profile):
             check_number("profile", self.profile, at_least=-2.0, at_most=4.0)
 
-    def values(self, math: Any, time: Any, lower: Any, upper: Any, weight: Any = None) -> Any:
-        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast); the `weight` tells a wave nothing."""
+    def shape(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """Mean over the cells [lower, upper] at `time` (arrays that broadcast) of its two fronts, 0 for a second one that never comes."""
         start = self.window[0]
         first = front_coverage(math, start + self.speed * (time - self.onset), self.width, lower, upper)
+        if _never(self.offset):
+            return first, 0.0
+        return first, front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
+
+    def values(self, math: Any, time: Any, lower: Any, upper: Any, shape: Any = None) -> Any:
+        """Mean activation of the cells [lower, upper] at `time`; its `shape`, where that is known already."""
+        first, second = self.shape(math, time, lower, upper) if shape is None else shape
         value = self.level * first
         if not _never(self.offset):
-            second = front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
             value = value - (self.level - self.end_level) * second
         return value if _never(self.apex) else value * self._slope(math, lower, upper)
 
@@ -183,16 +193,13 @@ class Wave:
         radius = (self.apex - (lower + upper) / 2) / (self.apex - self.window[0])
         return math.fmin(math.fmax(radius, 1e-9) ** self.profile, STEEPEST)
 
-    def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+    def weight(self, math: Any, time: Any, lower: Any, upper: Any, shape: Any = None) -> Any:
         """How much of what lies beneath it takes over when activations are handed over, from 0 to 1.
 
         A second front that relaxes the muscles gives back what lies beneath; one that leaves a level holds on to it.
         """
-        start = self.window[0]
-        first = front_coverage(math, start + self.speed * (time - self.onset), self.width, lower, upper)
-        if _never(self.offset) or not _relaxes(self.end_level):
-            return first
-        return first - front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
+        first, second = self.shape(math, time, lower, upper) if shape is None else shape
+        return first if _never(self.offset) or not _relaxes(self.end_level) else first - second
 
     def coverage(self, lower: Any, upper: Any) -> Any:
         """Share of each cell in which the template acts."""
@@ -265,13 +272,17 @@ class Pulse:
             if _is_number(getattr(self, name)):
                 check_number(name, getattr(self, name), above=0.0, unit=unit)
 
-    def values(self, math: Any, time: Any, lower: Any, upper: Any, weight: Any = None) -> Any:
-        """Mean activation of the cells [lower, upper] at `time` (arrays that broadcast); `weight`, where it is known already."""
-        return self.level * (self.weight(math, time, lower, upper) if weight is None else weight)
-
-    def weight(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
-        """How much of what lies beneath it takes over when activations are handed over, from 0 to 1."""
+    def shape(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
+        """Mean over the cells [lower, upper] at `time` (arrays that broadcast) of what its level is to be multiplied by."""
         return raised_cosine(math, time, self.onset, self.rise) * self._stretch(math, time, lower, upper)
+
+    def values(self, math: Any, time: Any, lower: Any, upper: Any, shape: Any = None) -> Any:
+        """Mean activation of the cells [lower, upper] at `time`; its `shape`, where that is known already."""
+        return self.level * (self.shape(math, time, lower, upper) if shape is None else shape)
+
+    def weight(self, math: Any, time: Any, lower: Any, upper: Any, shape: Any = None) -> Any:
+        """How much of what lies beneath it takes over when activations are handed over, from 0 to 1."""
+        return self.shape(math, time, lower, upper) if shape is None else shape
 
     def _stretch(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """Share of each cell between the two ends; the rear one comes from just before the window, where it does not show."""
@@ -302,6 +313,12 @@ class Pulse:
 
 
 Template = Plateau | Wave | Pulse
+
+
+def timing(template: Template) -> tuple[Any, ...]:
+    """What decides a template's `shape`: all but its muscles and levels. Templates that agree in it share it."""
+    names = (item.name for item in fields(template) if item.name not in ("groups", "level", "end_level"))
+    return type(template), *(getattr(template, name) for name in names)
 
 
 def _check_template(template: "Template") -> None:

@@ -1,5 +1,7 @@
 """Activation: exact cell averages, composition, bounds, and what is said about saturation."""
 
+from collections import Counter
+from dataclasses import fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,9 +12,11 @@ from hypothesis import strategies as st
 from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.templates import PEAK, WRITE_THRESHOLD, Plateau, Pulse, Wave, least_jerk
+from octoctrl.sim.templates import PEAK, WRITE_THRESHOLD, Plateau, Pulse, Wave, least_jerk, timing
 
 LENGTH = 0.2
+WAVE = Wave(groups=("LM1",), level=0.2, speed=0.1, width=3e-3, apex=0.22)
+PULSE = Pulse(groups=("LM1",), level=0.2, stretch=0.04, speed=0.3, width=5e-3, window=(0.02, 0.18))
 
 
 def reals(low, high):
@@ -246,3 +250,36 @@ def test_a_pulse_needs_an_end():
     assert str(caught.value) == "Pulse: window (0.02, inf) m has no end; give the arclength at which the stretch arrives"
     with pytest.raises(OctoctrlError, match=r"^speed=0 m/s is outside > 0 m/s$"):
         Pulse(groups=("LM1",), level=0.4, stretch=0.03, speed=0.0, width=2e-3, window=(0.02, 0.1))
+
+
+class Counted:
+    """NumPy, counting how often each function is asked for."""
+
+    def __init__(self):
+        self.asked = Counter()
+
+    def __getattr__(self, name):
+        self.asked[name] += 1
+        return getattr(np, name)
+
+
+@pytest.mark.parametrize("composition", ["add", "handover", "max"])
+def test_muscles_that_differ_by_their_levels_share_their_fronts(composition):
+    time, edges, levels = np.linspace(0.0, 3.0, 31)[:, None], np.linspace(0.0, 0.2, 21), {"LM1": 0.3, "LM2": 0.2, "LM8": 0.1}
+    front = {"speed": 0.1, "width": 3e-3, "offset": 1.0, "profile": 0.5, "apex": 0.22}
+    each = tuple(Wave(groups=(group,), level=level, **front) for group, level in levels.items())
+    counted, known = Counted(), {}
+    together = Activation(templates=each, composition=composition)
+    found = [together.compose(counted, group, time, edges[:-1], edges[1:], known) for group in levels]
+    assert counted.asked["log1p"] == 4, "two ends of a cell, two fronts"
+    for wave, level in zip(each, found, strict=True):
+        alone = Activation(templates=(wave,), composition=composition)
+        assert np.array_equal(level, alone.compose(np, wave.groups[0], time, edges[:-1], edges[1:]))
+
+
+@pytest.mark.parametrize("template", [Plateau(groups=("LM1",), level=0.2), WAVE, PULSE], ids=lambda one: type(one).__name__)
+def test_what_decides_a_shape_is_all_but_muscles_and_levels(template):
+    other = {"groups": ("LM2",), "level": 0.1, "end_level": 0.05, "window": (0.01, 0.19)}
+    for item in fields(template):
+        changed = replace(template, **{item.name: other.get(item.name, 0.123)})
+        assert (timing(changed) == timing(template)) == (item.name in ("groups", "level", "end_level")), item.name

@@ -326,7 +326,7 @@ class Problem:
         times = np.cumsum(np.repeat(x[: len(grid.steps)] / grid.steps, grid.steps)) + self.present.clock - self.model.lag - self.delay
         time = Slopes(times[:, None], np.cumsum(step_slopes, axis=0)[:, None, :])
         edges, shape = self.model.edges, (len(times), len(MUSCLE_GROUPS), self.model.sections)
-        levels, slopes, known = np.zeros(shape), np.zeros((*shape, len(free))), dict[int, tuple[Any, Any, Any]]()
+        levels, slopes, known = np.zeros(shape), np.zeros((*shape, len(free))), dict[Any, Any]()
         for group in activation.groups:
             found, column = activation.compose(SlopesMath, group, time, edges[:-1], edges[1:], known), MUSCLE_GROUPS.index(group)
             gain = self.model.gains.get(group, 1.0)
