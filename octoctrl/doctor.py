@@ -226,8 +226,9 @@ def plan_header(configuration: Configuration) -> str:
     activation, duration = _guess(configuration)
     drag = "no drag" if configuration.scene.water is None else "drag"
     groups = "any" if configuration.task.choose is not None else str(len(activation.groups))
+    loads = ", no loads" if configuration.scene.loads else ""
     return (
-        f"reduced model: {groups} of {len(configuration.arm.layout)} muscle groups, {drag}, no inertia, no contact; "
+        f"reduced model: {groups} of {len(configuration.arm.layout)} muscle groups, {drag}, no inertia, no contact{loads}; "
         f"{len(configuration.task.phases)} phases, {duration:.3g} s at first"
     )
 
@@ -237,6 +238,7 @@ def header(plant: Plant, groups: Sequence[str]) -> str:
     water = plant.scene.water is not None and plant.scene.water.factor > 0
     active, drag = f"{len(groups)} of {len(plant.arm.layout)} muscle groups active", "drag" if water else "no drag"
     contact = f"contact with {len(plant.scene.objects)} object(s)" if plant.scene.objects else "no contact"
+    contact += f", {len(plant.scene.loads)} load(s)" if plant.scene.loads else ""
     return (
         f"{plant.model} plant: {active}, {drag}, {contact}; "
         f"step {1e3 * plant.h:.3g} ms, {plant.h / plant.limit.step:.2f} of the limit ({plant.limit.mechanism})"

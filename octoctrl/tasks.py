@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from octoctrl.sim.activation import Activation
+from octoctrl.sim.archives import check_source
 from octoctrl.sim.errors import OctoctrlError, suggest
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.templates import Template
@@ -65,8 +66,7 @@ def load(task: str | Path, *, overrides: Iterable[str] = ()) -> "Configuration":
         if str(task) not in names():
             raise OctoctrlError(f"unknown task '{task}'{suggest(task, names())} ({', '.join(names())}, or the path of a .toml file)")
         path = _TASKS / f"{task}.toml"
-    if not path.is_file():
-        raise OctoctrlError(f"{path} does not exist; print a template with: octoctrl tasks {names()[0]} --show > {path.name}")
+    check_source(path, f"print a template with: octoctrl tasks {names()[0]} --show > {path.name}")
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import OctoctrlError
-from .writing import written_aside
+from .writing import check_suffix, written_aside
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -44,6 +44,32 @@ def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Arrays) -
         os.fsync(file.fileno())
 
 
+def check_source(path: str | Path, advice: str = "") -> Path:
+    """Check that a file is there to be read.
+
+    Parameters
+    ----------
+    path : str or Path
+    advice : str
+        How to come by one, for the message.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    OctoctrlError
+        If there is none, or a folder in its place.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise OctoctrlError(f"{path} is a folder; give the path of a file")
+    if not path.exists():
+        raise OctoctrlError(f"{path} does not exist{f'; {advice}' if advice else ''}")
+    return path
+
+
 def read_archive(path: str | Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
     """Read an archive that anyone may have written, or damaged.
 
@@ -61,11 +87,7 @@ def read_archive(path: str | Path) -> tuple[dict[str, Any], dict[str, NDArray[An
     OctoctrlError
         If there is no such file, its suffix is another, or it may not be read.
     """
-    path = Path(path)
-    if path.suffix != ".npz":
-        raise OctoctrlError(f"unknown format '{path.suffix}'; use .npz")
-    if not path.is_file():
-        raise OctoctrlError(f"{path} does not exist")
+    path = check_source(check_suffix(path, (".npz",)))
     try:
         with open(path, "rb") as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about what is damaged

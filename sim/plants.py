@@ -11,7 +11,7 @@ from typing import Any, Literal, Protocol, cast
 
 from .body.arm import Arm
 from .contracts import Core
-from .errors import check_choice
+from .errors import OctoctrlError, check_choice, suggest
 from .registries import enter
 from .running import plant as running
 from .running.clock import RECORD, SAMPLE, Clock
@@ -55,7 +55,8 @@ class PlantRow:
 
 def _check_options(plant: str, options: Mapping[str, Any], known: tuple[str, ...]) -> None:
     for name in options:
-        check_choice(f"{plant} option", name, known)
+        if name not in known:
+            raise OctoctrlError(f"the plant '{plant}' has no option '{name}'{suggest(name, known)} ({', '.join(known)})")
 
 
 def _rod(arm: Arm, scene: Scene, **options: Any) -> Core:

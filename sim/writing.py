@@ -32,9 +32,7 @@ def check_target(path: str | Path, *, overwrite: bool = False, suffixes: tuple[s
     OctoctrlError
         If the suffix is unknown, the folder is missing or cannot be written, or the file exists and may not be replaced.
     """
-    path = Path(path)
-    if path.suffix not in suffixes:
-        raise OctoctrlError(f"unknown format '{path.suffix}'; use {' or '.join(suffixes)}")
+    path = check_suffix(path, suffixes)
     if path.exists():
         if path.is_dir():
             raise OctoctrlError(f"{path} is a folder; give the path of a file")
@@ -47,6 +45,21 @@ def check_target(path: str | Path, *, overwrite: bool = False, suffixes: tuple[s
         raise OctoctrlError(f"folder {path.parent} does not exist; make it first")
     if not os.access(folder, os.W_OK):
         raise OctoctrlError(f"folder {path.parent} cannot be written; give a path in another one")
+    return path
+
+
+def check_suffix(path: str | Path, suffixes: tuple[str, ...]) -> Path:
+    """Check that a `path` ends in one of the `suffixes` that are known.
+
+    Raises
+    ------
+    OctoctrlError
+        If it does not.
+    """
+    path = Path(path)
+    if path.suffix not in suffixes:
+        what = f"unknown format '{path.suffix}'" if path.suffix else f"{path} does not say its format"
+        raise OctoctrlError(f"{what}; use {' or '.join(suffixes)}")
     return path
 
 

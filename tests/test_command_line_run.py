@@ -120,7 +120,7 @@ def test_a_plan_that_ran_out_of_time_is_kept_and_says_so(folder):
         (["plan", "coil", "-o", "new.npz", "--time-limit", "-1"], "time_limit=-1 s is outside > 0 s"),
         (["run", "run.npz", "-o", "new.npz"], "run.npz holds a run, not a plan; make one with: octoctrl plan"),
         (["run", "plan.npz", "-o", "new.npz", "--feedback", "pid"], "unknown feedback 'pid' (tvlqr, mpc, grip, open-loop)"),
-        (["run", "plan.npz", "-o", "new.npz", "--threads", "2"], "unknown rod option 'threads' (complete)"),
+        (["run", "plan.npz", "-o", "new.npz", "--threads", "2"], "the plant 'rod' has no option 'threads' (complete)"),
         (["run", "plan.npz"], "give a plan and where to write: octoctrl run plan.npz -o run.npz"),
         (["verify", "nothing.npz"], "nothing.npz does not exist"),
         (["compare", "run.npz", "--plot", "no/traces.png"], "folder no does not exist; make it first"),

@@ -362,8 +362,8 @@ def test_a_curl_beside_a_post_or_beyond_its_end_is_not_covered():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Sphere(name="ball", radius=0.0), "object 'ball': size=0 m is outside > 0 m"),
-        (lambda: Capsule(name="post", radius=0.01, length=-1.0), "object 'post': size=-0.5 m is outside > 0 m"),
+        (lambda: Sphere(name="ball", radius=0.0), "object 'ball': radius=0 m is outside > 0 m"),
+        (lambda: Capsule(name="post", radius=0.01, length=-1.0), "object 'post': length=-1 m is outside > 0 m"),
         (lambda: Sphere(name="ball", radius=0.01, support=Free()), "object 'ball' can move but has no mass; give mass or density"),
         (lambda: Sphere(name="ball", radius=0.01, mass=1.0, density=2.0), "object 'ball' has a mass and a density; give one of them"),
         (lambda: Plane(name="floor", axis=(0, 0, 0)), "object 'floor': axis is zero; give a direction, such as (0, 1, 0)"),

@@ -38,7 +38,7 @@ settings = { hand = "R-OM", level = 0.3 }
 length = 0.2
 """
 
-TASK_KEYS = ", ".join(item.name for item in fields(oc.Task))
+TASK_KEYS, ARM_KEYS = (", ".join(item.name for item in fields(kind)) for kind in (oc.Task, oc.Arm))
 
 OBJECTS = [
     (lambda: oc.make_plant("assembly", paper_compatible=True, energy=True).core.energies(), "the published laws have no potential, so that there is no account of their energy; leave paper_compatible or energy out"),
@@ -58,8 +58,8 @@ OBJECTS = [
         lambda: make_plant("assembly", taut=True, paper_compatible=True),
         "paper_compatible has the study's fibres, which are not taut; leave taut out",
     ),
-    (lambda: make_plant("rod", precision="mixed"), "unknown rod option 'precision' (complete)"),
-    (lambda: make_plant("rod", threads=2), "unknown rod option 'threads' (complete)"),
+    (lambda: make_plant("rod", precision="mixed"), "the plant 'rod' has no option 'precision' (complete)"),
+    (lambda: make_plant("rod", threads=2), "the plant 'rod' has no option 'threads' (complete)"),
     (lambda: oc.Phase(name="store", duration=0), "phase 'store': duration=0 s is outside 0.3…4 s"),
     (lambda: oc.goal("twist", value=float("nan")), "goal twist is nan; a finite number is needed"),
     (lambda: primitive("bendwave"), "unknown primitive 'bendwave'; did you mean 'BendWave'? (Bend, BendWave, CarriedBend, Curl, Elongate, Shorten, StoreTwist, Swing, Twist, TwistWave)"),
@@ -111,7 +111,7 @@ OBJECTS = [
     (lambda: winding_of([]), "there are no fibres; give at least one"),
     (lambda: winding_of([np.zeros((2, 3))]), "fibre 0 has shape (2, 3) or a number that is not finite; (k, 3) with 3 points or more is needed"),
     (lambda: oc.read_centreline("arm.csv", unit="mn"), "unknown unit 'mn'; did you mean 'm'? (m, cm, mm, um, µm)"),
-    (lambda: oc.read_fibres("arm.csv"), "unknown format '.csv'; fibres are read from .trk or .tck"),
+    (lambda: oc.read_fibres("arm.csv"), "unknown format '.csv'; use .trk or .tck"),
 ]  # fmt: skip
 
 
@@ -139,7 +139,7 @@ FILES = [
     ("duration = 1.0", "duration = true", "reach.toml:6 task.phases[0].duration: expected a number in seconds, found true"),
     ("duration = 1.0", "duration = -1", "reach.toml:6 task.phases[0].duration: phase 'store': duration=-1 s is outside 0.3…4 s"),
     ("duration = 1.0", "", "reach.toml:4 task.phases[0]: 'duration' is missing"),
-    ('"twist", value', '"twits", value', "reach.toml:7 task.phases[0].goals[0]: unknown quantity 'twits'; did you mean 'twist'? (covered_winding, curvature, facing, free_turns, gap, keep_out, length, lifted_link, lifted_writhe, object_clearance, object_position, object_turn, packet, shape, sucker_side, threading, tip, tip_tangent, twist, winding)"),
+    ('"twist", value', '"twits", value', "reach.toml:7 task.phases[0].goals[0].quantity: unknown quantity 'twits'; did you mean 'twist'? (covered_winding, curvature, facing, free_turns, gap, keep_out, length, lifted_link, lifted_writhe, object_clearance, object_position, object_turn, packet, shape, sucker_side, threading, tip, tip_tangent, twist, winding)"),
     ("length = 0.2", "length = '8 inch'", "reach.toml:16 arm.length: unit 'inch' not known; use m, cm, mm"),
     ("length = 0.2", "length = 20", "reach.toml:16 arm.length: length=20 m is outside 0.001…5 m; lengths are SI - did you mean 0.20 (20 cm)?"),
     ("length = 0.2", "elements = 9.5", "reach.toml:16 arm.elements: expected a whole number, found the number 9.5"),
@@ -195,7 +195,24 @@ COMMANDS = [
     (["compare", "cut.npz", "--overlap", "--plot", "a.bmp"], "unknown format '.bmp'; use .png or .pdf or .svg"),
     (["report", "coil.npz", "-o", "a.html"], "coil.npz holds a plan, not a run; make one with: octoctrl run"),
     (["export", "there.npz", "a.obj"], "unknown format '.obj'; use .csv or .glb or .gif or .webp or .mp4"),
-    (["topology", "none.csv"], "none.csv cannot be read: No such file or directory"),
+    (["topology", "none.csv"], "none.csv does not exist"),
+    *[([*words, "folder.npz"], "folder.npz is a folder; give the path of a file") for words in (["verify"], ["compare"], ["run", "-o", "run.npz"], ["topology"], ["sweep"], ["plan", "coil", "-o", "plan.npz", "--model"])],
+    (["tasks", "folder.toml"], "folder.toml is a folder; give the path of a file"),
+    (["verify", ""], ". does not say its format; use .npz or .nc"),
+    (["compare", "/"], "/ does not say its format; use .npz or .nc"),
+    (["plan", "coil", "-o", "folder"], "folder does not say its format; use .npz"),
+    (["sweep", ""], ". is a folder; give the path of a file"),
+    (["run", "--resume", "there.npz"], "there.npz.parts holds no parts to go on with, and there.npz exists: nothing was broken off; run the plan anew"),
+    (["run", "coil.npz", "-o", "run.npz", "--threads", "2"], "the plant 'rod' has no option 'threads' (complete)"),
+    (["doctor", "--plant", "assembly"], "--set and --plant are of a task; name one, for example: octoctrl doctor coil --plant assembly"),
+    (["bench", "rod", "--count", "2"], "count is for plans, choice, following, mending alone, not for rod; leave it out"),
+    (["bench", "steps", "skips", "--plant", "rod"], "plants is for tracking alone, not for steps, skips; leave it out"),
+    (["bench", "plans", "--seed", "-1"], "seed=-1 is outside >= 0"),
+    (["plan", "coil", "-o", "plan.npz", "--set", "arm.x.y=1"], f"--set arm.x: unknown key (known: {ARM_KEYS})"),
+    (["plan", "coil", "-o", "plan.npz", "--set", "arm.length=-1"], "--set arm.length: length=-1 m is outside 0.001…5 m"),
+    (["plan", "coil", "-o", "plan.npz", "--set", "scene.objects=[{name='post'}]"], "--set scene.objects[0]: 'kind' is missing (Sphere, Capsule, Cylinder, Box, Plane)"),
+    (["plan", "coil", "-o", "plan.npz", "--set", "scene.objects=[{kind='RigidObject'}]"], "--set scene.objects[0].kind: unknown kind 'RigidObject' (Sphere, Capsule, Cylinder, Box, Plane)"),
+    (["plan", "coil", "-o", "plan.npz", "--set", "scene.objects=[{kind='Capsule', name='post', radius=0, length=0.1}]"], "--set scene.objects[0]: object 'post': radius=0 m is outside > 0 m"),
     (["topology", "there.npz"], "there.npz has no column time, point, x, y, z (found: not ours); time, point, x, y, z are needed"),
     (["topology", "none.csv", "--plot", "a.bmp"], "unknown format '.bmp'; use .png or .pdf or .svg"),
     (["tasks", "coli"], "unknown task 'coli'; did you mean 'coil'? (coil, coil-outward, copy, corkscrew, grasp, lm-helix, packet, reach, tip, twist, or the path of a .toml file)"),
@@ -207,6 +224,8 @@ COMMANDS = [
 def test_commands(tmp_path, monkeypatch, capsys, coil_plan, arguments, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "there.npz").write_text("not ours")
+    for name in ("folder", "folder.npz", "folder.toml"):
+        (tmp_path / name).mkdir()
     store.save("coil.npz", coil_plan)
     store.save("cut.npz", coil_execution(coil_plan, until=1.2, status=ExecutionStatus.UNSTABLE))
     for name, schema in (("new", 3), ("old", 1)):

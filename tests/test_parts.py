@@ -118,7 +118,9 @@ def test_an_interrupted_run_is_whole_and_goes_on(tmp_path, plan, monkeypatch):
         cut = execute(plan, path=path)
     assert cut.status is ExecutionStatus.INTERRUPTED and oc.load(path) == cut and parts.folder_of(path).is_dir()
     assert same(resume(path), whole) and not parts.folder_of(path).exists()
-    with pytest.raises(OctoctrlError, match=r"run.npz.parts holds no parts to go on with, and .*run.npz is whole; run the plan anew"):
+    with pytest.raises(
+        OctoctrlError, match=r"run.npz.parts holds no parts to go on with, and .*run.npz exists: nothing was broken off; run the plan anew"
+    ):
         resume(path)
 
 

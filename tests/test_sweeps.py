@@ -180,3 +180,19 @@ def test_a_made_plan_cannot_be_planned_anew(file, capsys):
     file.write_text('plan = "plan.npz"\n[set]\n"task.duration" = 1.0\n')
     assert main(["sweep", str(file)]) == 2
     assert "'task.duration' cannot be changed, for the plan is made; give task = ... to plan each run" in capsys.readouterr().err
+
+
+def test_files_of_others_are_left_alone(file, tmp_path):
+    table, rows = tmp_path / "sweep.csv", tmp_path / "sweep.jsonl"
+    table.write_text("time,x\n0,1\n")
+    with pytest.raises(OctoctrlError, match=r"sweep\.csv exists and is no table of a sweep"):
+        oc.sweep(file)
+    assert table.read_text() == "time,x\n0,1\n" and not rows.exists()
+    for text in ('{"note": "mine"}', "mine", '{"note": "mine"}\n'):
+        rows.write_text(text)
+        with pytest.raises(OctoctrlError, match=r"sweep\.jsonl holds something else than rows of a sweep"):
+            Rows(rows)
+        assert rows.read_text() == text
+    rows.write_text('{"index": 0, "ke')
+    with Rows(rows) as torn:
+        assert not torn.known

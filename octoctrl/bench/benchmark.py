@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from octoctrl.sim.activation import Activation
-from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
+from octoctrl.sim.errors import OctoctrlError, check_choice, check_count
+from octoctrl.sim.plants import check_plant
 from octoctrl.sim.running.recording import Recording
 
 from ..files.writing import write_figure, write_text
@@ -81,14 +82,21 @@ def run(
     Raises
     ------
     OctoctrlError
-        If a part is unknown.
+        If a part is unknown, or a setting is of none of them.
     """
     asked = tuple(parts) or (tuple(PARTS) if full else QUICK)
     for name in asked:
         check_choice("part", name, (*PARTS, TOGETHER))
-    if count is not None:
-        check_number("count", count, at_least=1)
     chosen = tuple(part for name in asked for part in ((*DRAWN, *MOVED) if name == TOGETHER else (name,)))
+    for setting, value, of in (("count", count, DRAWN), ("seed", seed, DRAWN), ("plants", plants or None, MOVED)):
+        if value is not None and not set(of) & set(chosen):
+            raise OctoctrlError(f"{setting} is for {', '.join(of)} alone, not for {', '.join(chosen)}; leave it out")
+    if count is not None:
+        check_count("count", count)
+    if seed is not None:
+        check_count("seed", seed, at_least=0)
+    for name in plants:
+        check_plant(name)
     size = {name: value for name, value in (("count", count), ("seed", seed)) if value is not None}
     given = dict.fromkeys(DRAWN, size) | dict.fromkeys(MOVED, {"plants": tuple(plants)} if plants else {})
     found = []

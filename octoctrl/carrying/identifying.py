@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from octoctrl.sim.archives import check_source
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, check_choice
 from octoctrl.sim.plants import check_plant, make_plant, warmup
@@ -127,8 +128,7 @@ def load_model(model: "str | Path | IdentifiedModel | None", arm: Arm, scene: Sc
     if model is None:
         return identified.load_identified(arm, scene, plant=plant)
     if isinstance(model, str | Path):
-        if not Path(model).is_file():
-            raise OctoctrlError(f"{model} does not exist; make one with: octoctrl identify -o {Path(model).name}")
+        check_source(model, f"make one with: octoctrl identify -o {Path(model).name}")
         name, loaded = str(model), identified.IdentifiedModel.load(model, arm, scene)
     else:
         name, loaded = "the model", model

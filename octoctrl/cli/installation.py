@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from octoctrl.sim.errors import OctoctrlError
+
 from .codes import ExitCode
 from .options import AsJson, PlantName, Quiet, Settings, task_names
 from .output import display, print_json
@@ -22,6 +24,8 @@ def doctor(
     """Check the installation, and say what a task needs, what is left out for it, and how long it will run."""
     from .. import doctor as diagnosis
 
+    if task is None and (settings or plant):
+        raise OctoctrlError("--set and --plant are of a task; name one, for example: octoctrl doctor coil --plant assembly")
     findings = diagnosis.installation()
     needs = None if task is None else diagnosis.needs(configuration_of(task, settings, plant))
     if as_json:

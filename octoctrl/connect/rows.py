@@ -41,11 +41,13 @@ class Rows:
     Raises
     ------
     OctoctrlError
-        If it cannot be written, or another process holds it.
+        If it cannot be written, another process holds it, or it holds something else.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = check_target(path, overwrite=True, suffixes=(".jsonl",))
+        if self.path.exists() and not read_rows(self.path) and not _torn(self.path.read_bytes()):
+            raise OctoctrlError(f"{self.path} holds something else than rows of a sweep; give another path")
         self._handle = hold(self.path, self.path)
         self.known = read_rows(self.path)
         content = self.path.read_bytes()
@@ -64,6 +66,24 @@ class Rows:
             file.write(json.dumps(row, allow_nan=False).encode() + b"\n")
 
 
+def _torn(content: bytes) -> bool:
+    """Whether this is nothing, or the begin of a first row."""
+    return not content.strip() or (content.startswith(b"{") and b"}" not in content)
+
+
+def check_table(path: Path) -> Path:
+    """Check that a table at `path`, which is returned, may be replaced.
+
+    Raises
+    ------
+    OctoctrlError
+        If there is another file there.
+    """
+    if path.is_file() and path.read_bytes().strip() and not path.read_bytes().startswith(FIRST[0].encode()):
+        raise OctoctrlError(f"{path} exists and is no table of a sweep; give another path for the rows, beside which the table goes")
+    return path
+
+
 def write_table(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
     """Write `rows` by index as a CSV table at `path`, which is returned."""
     ordered = sorted(rows, key=lambda row: int(row["index"]))
@@ -73,7 +93,7 @@ def write_table(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
     table = csv.DictWriter(text, names, lineterminator="\n")
     table.writeheader()
     table.writerows({name: "" if value is None else value for name, value in row.items()} for row in ordered)
-    return write_text(path, text.getvalue())
+    return write_text(check_table(path), text.getvalue())
 
 
 def gather(folder: Path, stem: str) -> dict[str, dict[str, Any]]:

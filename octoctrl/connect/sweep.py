@@ -12,11 +12,12 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from pathlib import Path
 from typing import Any
 
+from octoctrl.sim.archives import check_source
 from octoctrl.sim.errors import OctoctrlError, check_count
 
 from ..progress import NullProgress, Progress
 from .jobs import carry_out
-from .rows import Rows, gather, write_table
+from .rows import Rows, check_table, gather, write_table
 from .sweep_file import read_sweep
 
 MOST_BLAME = 2
@@ -71,10 +72,11 @@ def sweep(
     number, shares = share
     if not 1 <= number <= shares:
         raise OctoctrlError(f"share {number}/{shares}: the first number goes from 1 to the second, such as 3/30")
-    path, display = Path(path), progress or NullProgress()
+    path, display = check_source(path), progress or NullProgress()
     target = Path(output) if output is not None else path.with_suffix(".jsonl")
     if shares > 1:
         target = target.with_name(f"{target.stem}.{number}-of-{shares}{target.suffix}")
+    check_table(target.with_suffix(".csv"))
     planned = [job for job in read_sweep(path).jobs() if job["index"] % shares == number - 1]
     with Rows(target) as rows:
         left = [job for job in planned if job["key"] not in rows.known]
@@ -107,7 +109,7 @@ def gathered(path: str | Path, output: str | Path | None = None) -> list[Row]:
     OctoctrlError
         If there are none.
     """
-    target = Path(output) if output is not None else Path(path).with_suffix(".jsonl")
+    target = Path(output) if output is not None else check_source(path).with_suffix(".jsonl")
     found = gather(target.parent, target.stem)
     with Rows(target) as rows:
         for key, row in found.items():

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from octoctrl.sim.archives import check_source
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError, brief, check_count, suggest
 from octoctrl.sim.running.sensors import Sensors
@@ -88,7 +89,7 @@ def read_sweep(path: str | Path) -> Sweep:
     OctoctrlError
         If anything is wrong, before anything is run: every value of the grid and both ends of every range are tried.
     """
-    path = Path(path)
+    path = check_source(path)
     try:
         data = tables(path.read_text(encoding="utf-8"), str(path))
     except OSError as error:

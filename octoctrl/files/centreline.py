@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from octoctrl.sim.archives import check_source
 from octoctrl.sim.errors import OctoctrlError, brief, suggest
 from octoctrl.sim.topology.centreline import Centreline
 
@@ -86,6 +87,7 @@ def read_centreline(path: str | Path, *, unit: str | None = None) -> Centreline:
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Rows of a CSV file with their numbers, empty ones and those that begin with # left out."""
+    check_source(path)
     try:
         if path.stat().st_size > LARGEST:
             raise OctoctrlError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, {LARGEST / 1e6:.0f} are read at most; keep fewer instants")

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass, replace
 from decimal import Decimal, InvalidOperation
 from enum import Enum
+from inspect import isabstract
 from math import radians
 from typing import Any
 
@@ -122,8 +123,10 @@ def _build_table(classes: list[Any], table: Any, source: Source, path: Path, def
     """An object of one of the classes or of their subclasses, named by `kind`; else that of the default, or the first."""
     _check_table(table, source, path)
     kind = type(default) if default is not None else classes[0]
+    known = {choice.__name__: choice for choice in _with_subclasses(classes) if not isabstract(choice)}
+    if kind.__name__ not in known and "kind" not in table:
+        raise OctoctrlError(f"{source.where(path)}: 'kind' is missing ({', '.join(known)})")
     if "kind" in table and not any(item.name == "kind" for item in fields(kind)):
-        known = {choice.__name__: choice for choice in _with_subclasses(classes)}
         name = next((word for word in known if word.lower() == str(table["kind"]).lower()), table["kind"])
         if name not in known:
             raise OctoctrlError(f"{source.where((*path, 'kind'))}: unknown kind '{brief(name)}'{suggest(name, known)} ({', '.join(known)})")
@@ -160,7 +163,7 @@ def _build_goal(table: Any, source: Source, path: Path) -> Any:
     _check_table(table, source, path)
     if "quantity" not in table:
         raise OctoctrlError(f"{source.where(path)}: 'quantity' is missing")
-    kind = _named("quantity", table["quantity"], goal_kinds(), source, path)
+    kind = _named("quantity", table["quantity"], goal_kinds(), source, (*path, "quantity"))
     return _build_fields(kind, {key: value for key, value in table.items() if key != "quantity"}, source, path)
 
 

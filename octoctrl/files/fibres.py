@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from octoctrl.sim.archives import check_source
 from octoctrl.sim.body.fibres import FibreWinding, winding_of
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.writing import check_suffix
 
 from ..extras import extra
 
@@ -33,12 +35,9 @@ def read_fibres(path: str | Path, axis: NDArray[np.float64] | None = None) -> Fi
     OctoctrlError
         If nibabel is not installed, the file is missing or damaged, or what `winding_of` refuses.
     """
-    path = Path(path)
-    if path.suffix not in (".trk", ".tck"):
-        raise OctoctrlError(f"unknown format '{path.suffix}'; fibres are read from .trk or .tck")
+    path = check_suffix(path, (".trk", ".tck"))
     streamlines = extra("fibres", "nibabel.streamlines")
-    if not path.is_file():
-        raise OctoctrlError(f"{path} does not exist")
+    check_source(path)
     try:
         lines = [MILLIMETRE * np.asarray(line, dtype=float) for line in streamlines.load(str(path)).streamlines]
     except Exception as error:  # nibabel lets through whatever a damaged file runs into

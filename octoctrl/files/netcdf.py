@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from octoctrl.sim.archives import swells
-from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.archives import check_source, swells
 
 from ..extras import extra
 from .writing import written_aside
@@ -164,8 +163,7 @@ def read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
         If there is no such file, or an extra is missing.
     """
     h5netcdf = extra("io", "h5netcdf", "h5py")
-    if not path.is_file():
-        raise OctoctrlError(f"{path} does not exist")
+    check_source(path)
     try:
         if not _sealed(path):
             return None

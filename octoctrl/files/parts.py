@@ -22,7 +22,7 @@ SUFFIX = ".parts"
 def folder_of(path: str | Path) -> Path:
     """The folder of parts of the file at `path`, or `path` itself if it is one."""
     path = Path(path)
-    return path if path.suffix == SUFFIX else path.with_name(path.name + SUFFIX)
+    return path if path.suffix == SUFFIX else path.parent / (path.name + SUFFIX)
 
 
 def parts_in(folder: Path) -> list[Path]:
@@ -92,7 +92,7 @@ class Parts:
         self.folder = folder_of(self.path)
         known = parts_in(self.folder)
         if resume and not known:
-            held = "is whole" if self.path.exists() else "does not exist"
+            held = "exists: nothing was broken off" if self.path.exists() else "does not exist"
             raise OctoctrlError(f"{self.folder} holds no parts to go on with, and {self.path} {held}; run the plan anew")
         make_folder(self.folder)
         self._lock = hold(self.folder / "lock", self.path)

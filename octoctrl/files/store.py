@@ -22,6 +22,7 @@ from octoctrl.sim.annotations import made as made_of
 from octoctrl.sim.archives import read_archive, write_archive
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.registries import enter
+from octoctrl.sim.writing import check_suffix
 
 from ..extras import extra
 from . import netcdf
@@ -219,7 +220,7 @@ _HEADER = {"content": str, "versions": dict, "argv": list, "origin": dict, "obje
 
 
 def _open(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, np.ndarray]]:
-    path = Path(path)
+    path = check_suffix(path, (".npz", ".nc"))
     header, arrays = (netcdf.read(path) if path.suffix == ".nc" else read_archive(path)) or ({}, {})
     schema = header.get("schema")
     known = schema == SCHEMA and all(isinstance(header.get(key), kind) for key, kind in _HEADER.items())

@@ -22,7 +22,7 @@ class Source:
         key = dotted(path)
         if not path:
             return self.name
-        if any(path[: len(other)] == other for other in self.overridden):
+        if any(path[: len(other)] == other or (other[: len(path)] == path and path not in self.lines) for other in self.overridden):
             return f"--set {key}"
         for length in range(len(path), 0, -1):
             if path[:length] in self.lines:

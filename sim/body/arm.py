@@ -149,7 +149,8 @@ class Arm:
     lumped: LumpedSection = field(default=LumpedSection())
 
     def __post_init__(self) -> None:
-        metres = f"lengths are SI - did you mean {self.length / 100:.2f} ({self.length:g} cm)?" if _is_number(self.length) else ""
+        large = _is_number(self.length) and self.length > 0
+        metres = f"lengths are SI - did you mean {self.length / 100:.2f} ({self.length:g} cm)?" if large else ""
         check_number("length", self.length, at_least=1e-3, at_most=5.0, unit="m", advice=metres)
         check_number("base_radius", self.base_radius, at_least=1e-4 * self.length, unit="m")
         ratio = self.base_radius / self.length

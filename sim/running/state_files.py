@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..archives import read_archive, write_archive
+from ..archives import check_source, read_archive, write_archive
 from ..contracts import State
 from ..errors import OctoctrlError, brief
-from ..writing import check_target
+from ..writing import check_suffix, check_target
 
 SCHEMA = 1
 """Version of the file format."""
@@ -56,9 +56,7 @@ def read_state(path: str | Path, identity: Mapping[str, Any]) -> State:
     OctoctrlError
         If there is no such file, it holds no state or is damaged, was written by a newer octoctrl, or belongs to another plant.
     """
-    path = Path(path)
-    if path.suffix == ".npz" and not path.exists():
-        raise OctoctrlError(f"{path} does not exist; write one with Plant.save")
+    path = check_source(check_suffix(path, (".npz",)), "write one with Plant.save")
     header, state = read_archive(path) or ({}, {})
     schema, found = header.get("state"), header.get(IDENTITY)
     plain = isinstance(found, dict) and all(

@@ -4,6 +4,7 @@ A shape is a class; how an object is held is an object of its own, see `octoctrl
 complete when constructed.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf, pi, sqrt
@@ -26,7 +27,7 @@ within a step: a finer one is tried."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RigidObject:
+class RigidObject(ABC):
     """What all shapes share; use one of them.
 
     Attributes
@@ -91,12 +92,15 @@ class RigidObject:
             raise OctoctrlError(
                 f"object '{self.name}': support is {brief(self.support)}; use Fixed(), Moved(...), Free(...) or Springs(...)"
             )
+        for label in ("radius", "length"):
+            if hasattr(self, label):
+                check_number(f"object '{self.name}': {label}", getattr(self, label), above=0.0, unit="m")
+        for size in self.sizes:
+            check_number(f"object '{self.name}': size", size, above=0.0, unit="m")
         if self.mass is not None and self.density is not None:
             raise OctoctrlError(f"object '{self.name}' has a mass and a density; give one of them")
         if self.movable and self.weight is None:
             raise OctoctrlError(f"object '{self.name}' can move but has no mass; give mass or density")
-        for size in self.sizes:
-            check_number(f"object '{self.name}': size", size, above=0.0, unit="m")
         object.__setattr__(self, "pushes", _several(self.pushes))
         if not all(isinstance(push, Push) for push in self.pushes):
             raise OctoctrlError(f"object '{self.name}': pushes is {brief(self.pushes)}; give a tuple of Push(force=...)")
@@ -114,24 +118,28 @@ class RigidObject:
         return self.mass if self.mass is not None else None if self.density is None else self.density * self.volume
 
     @property
+    @abstractmethod
     def sizes(self) -> tuple[float, ...]:
         """Sizes in the order of the kernels, m."""
-        raise NotImplementedError
+        ...
 
     @property
+    @abstractmethod
     def volume(self) -> float:
         """Volume, m^3."""
-        raise NotImplementedError
+        ...
 
     @property
+    @abstractmethod
     def gyration(self) -> Vector:
         """Moments of inertia about d1, d2, d3 over the mass, m^2, of the solid body."""
-        raise NotImplementedError
+        ...
 
     @property
+    @abstractmethod
     def bound(self) -> float:
         """Radius of the ball around the centre that holds it, m."""
-        raise NotImplementedError
+        ...
 
     @property
     def bend(self) -> float:
