@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from .connect.sweep import sweep
     from .files.centreline import read_centreline
     from .files.fibres import read_fibres
+    from .files.meshes import read_mesh
     from .files.store import load, save
     from .judging.comparison import compare
     from .judging.verification import verify
@@ -85,6 +86,7 @@ _HOMES = {
     "octoctrl.sim.topology.measured": ("topology_of",),
     "octoctrl.files.centreline": ("read_centreline",),
     "octoctrl.files.fibres": ("read_fibres",),
+    "octoctrl.files.meshes": ("read_mesh",),
     "octoctrl.sim.topology.trace": ("TopologyConvention", "TopologyTrace"),
     "octoctrl.judging.comparison": ("compare",),
     "octoctrl.carrying.execution": ("execute", "resume"),
@@ -147,6 +149,7 @@ __all__ = [
     "plot",
     "read_centreline",
     "read_fibres",
+    "read_mesh",
     "register_goal",
     "register_primitive",
     "report",

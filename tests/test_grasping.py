@@ -143,7 +143,7 @@ class Wound:
         on = np.stack([radius * np.cos(angle), radius * np.sin(angle), rise], axis=1)
         around = np.linspace(np.pi, 3 * np.pi, 101)[1:]
         beside = np.stack([0.05 * np.cos(around), 0.05 * np.sin(around), np.full(100, 0.02)], axis=1)
-        self.points = np.concatenate([on, beside])[None]
+        self.points, self.meshes = np.concatenate([on, beside])[None], {}
         self.series = {"touch post": notes_of(rows_of([item]))[None, 0]}
 
 

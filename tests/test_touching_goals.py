@@ -28,6 +28,7 @@ def outputs(points, *, moved=None, frames=None):
     rows, count = notes_of(rows), len(points) - 1
     recording = SimpleNamespace(
         time=np.zeros(1),
+        meshes={},
         points=np.asarray(points, dtype=float)[None],
         stations=np.concatenate([[0.0], MIDDLE, [0.2]]),
         frames=np.tile(np.eye(3), (1, count + 2, 1, 1)) if frames is None else frames[None],

@@ -17,6 +17,7 @@ from octoctrl.sim.scene.scene import Scene
 
 from .conversion import build
 from .copying import KEY, copied_centreline
+from .meshes import put_meshes
 from .toml_source import Source, assign, tables
 
 
@@ -132,6 +133,7 @@ def parse(text: str, *, name: str = "task.toml", overrides: Iterable[str] = (), 
     for assignment in overrides:
         source.overridden.append(assign(data, assignment))
     copied = copied_centreline(data, source, folder)
+    put_meshes(data, source, folder)
     made: Configuration = build(Configuration, data, source)
     if copied is not None:
         try:

@@ -34,7 +34,7 @@ UNITS: dict[str, tuple[str, dict[str, int | None]]] = {
 
 _FIELDS_IN = {
     "m": "length base_radius ring_radius oblique_radius oblique_pitch window width centre radius margin start stop point position size "
-    "stretch",
+    "stretch vertices",
     "s": "duration shortest longest rise fall onset offset time_limit hold since until period lasts times",
     "m/s": "speed velocity",
     "Pa": "youngs_modulus shear_modulus maximum_stress compression_modulus",

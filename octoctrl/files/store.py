@@ -37,6 +37,7 @@ _HOMES = {
     "octoctrl.sim.body.muscles": ("MuscleLaw",),
     "octoctrl.sim.body.squid": ("SquidTentacle",),
     "octoctrl.sim.scene.loads": ("PointLoad", "SpreadLoad"),
+    "octoctrl.sim.scene.mesh": ("Mesh",),
     "octoctrl.sim.scene.objects": ("Box", "Capsule", "Cylinder", "Plane", "RigidObject", "Sphere"),
     "octoctrl.sim.scene.supports": ("Fixed", "Free", "Moved", "Push", "Springs"),
     "octoctrl.sim.scene.scene": ("Scene", "Water"),

@@ -8,6 +8,7 @@ import numpy as np
 from octoctrl.sim.contact.measures import covered_winding, winding
 from octoctrl.sim.contact.surroundings import PREFIX, Touch
 from octoctrl.sim.records import Record
+from octoctrl.sim.scene.mesh import Mesh
 from octoctrl.sim.scene.objects import Capsule, Cylinder
 
 from ..carrying.results import Execution
@@ -67,7 +68,7 @@ def grips(run: Execution) -> list[Grip]:
         if PREFIX + item.name not in recording.series:
             continue
         touch = Touch.of(recording.series, item.name)
-        turned = isinstance(item, Capsule | Cylinder)
+        turned = isinstance(item, Capsule | Cylinder | Mesh)
         found.append(
             Grip(
                 name=item.name,

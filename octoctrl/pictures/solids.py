@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from octoctrl.sim.contact.surroundings import PREFIX, Touch
 from octoctrl.sim.running.recording import Recording
+from octoctrl.sim.scene.mesh import Mesh
 from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Plane, RigidObject, Sphere, frame_of
 
 from ..carrying.results import Execution
@@ -37,6 +38,8 @@ def mesh(item: RigidObject, length: float) -> tuple[Floats, Floats, NDArray[np.i
     """
     if isinstance(item, Box):
         return _box(np.asarray(item.size) / 2)
+    if isinstance(item, Mesh):
+        return _faces(item.corners)
     if isinstance(item, Plane):
         half = PATCH * length
         corners = half * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
@@ -89,6 +92,13 @@ def tube_triangles(rings: int, sides: int) -> NDArray[np.int_]:
     low, side = sides * np.arange(rings - 1)[:, None], np.arange(sides)
     a, b = low + side, low + (side + 1) % sides
     return np.concatenate([np.stack([a, b, a + sides], axis=2), np.stack([b, b + sides, a + sides], axis=2)]).reshape(-1, 3)
+
+
+def _faces(corners: Floats) -> tuple[Floats, Floats, NDArray[np.int_]]:
+    """Each triangle of `corners` (K, 3, 3) by itself, so that it is flat."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    return corners.reshape(-1, 3), np.repeat(normals, 3, axis=0), np.arange(3 * len(corners)).reshape(-1, 3)
 
 
 def _profile(item: RigidObject) -> tuple[Floats, Floats]:

@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..scene.mesh import Mesh
 from ..scene.objects import RigidObject, frame_of
 from ..scene.supports import Fixed, Free, Moved, Springs
+from .baking import baked_row
 from .columns import Body, Note
 
 Floats = NDArray[np.float64]
@@ -23,9 +25,13 @@ def rows_of(objects: Sequence[RigidObject], *, water_density: float = 0.0) -> Fl
 
     Returns
     -------
-    (M, Body.WIDTH) float64
+    (M, Body.WIDTH + G) float64
+        What follows `Body.WIDTH` is there if one is a mesh: the distances of each, see `Grid`.
     """
-    rows = np.zeros((len(objects), Body.WIDTH))
+    grids = {index: baked_row(item) for index, item in enumerate(objects) if isinstance(item, Mesh)}
+    rows = np.zeros((len(objects), Body.WIDTH + max(map(len, grids.values()), default=0)))
+    for index, grid in grids.items():
+        rows[index, Body.WIDTH : Body.WIDTH + len(grid)] = grid
     for row, item in zip(rows, objects, strict=True):
         row[Body.SHAPE] = item.kind
         row[Body.SIZE : Body.SIZE + len(item.sizes)] = item.sizes

@@ -11,6 +11,7 @@ class Shape(IntEnum):
     CYLINDER = 2  # radius, half length
     BOX = 3  # half lengths along d1, d2, d3
     PLANE = 4  # its outside is towards d3
+    MESH = 5  # farthest from the centre along d1, d2, d3; its distances follow the body's columns, see `Grid`
 
 
 class Body(IntEnum):
@@ -39,6 +40,15 @@ class Body(IntEnum):
     MOVING = 56  # whether it can go anywhere at all
     SUNK = 57  # deepest overlap less what its spring explains, m, since it was cleared
     WIDTH = 58
+
+
+class Grid(IntEnum):
+    """Columns that follow those of a body that is a mesh."""
+
+    SPACING = 0
+    COUNT = 1  # 3
+    ORIGIN = 4  # 3, in the body's own frame
+    VALUES = 7  # signed distances, the third axis the fastest
 
 
 class Note(IntEnum):

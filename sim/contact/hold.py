@@ -1,13 +1,19 @@
 """What a recording says of how an arm holds one object: read from the recording alone, in which every object is noted with its shape."""
 
-from dataclasses import dataclass
-from math import inf, pi
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import inf, pi, tau
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
-from ..scene.objects import SHAPES, Box, Capsule, Cylinder, Plane, RigidObject, Sphere
+from ..scene.mesh import Mesh
+from ..scene.objects import Box, Capsule, Cylinder, Plane, RigidObject, Sphere
+from ..scene.shapes import SHAPES
+from ..scene.supports import Fixed
 from .columns import Note
 from .measures import gaps, lying, turns
 from .surroundings import PREFIX, Touch
@@ -69,7 +75,7 @@ class Hold:
             If nothing of the object was recorded.
         """
         touch = Touch.of(recording.series, name)
-        item = recorded_object(recording.series[PREFIX + name][0], name)
+        item = recorded_object(recording.series[PREFIX + name][0], name, recording.meshes)
         middle = (recording.points[:, 1:] + recording.points[:, :-1]) / 2
         along = np.einsum("tkc,tc->tk", middle - touch.position[:, None], touch.frame[:, 2])
         return cls(
@@ -106,6 +112,8 @@ class Hold:
     def core(self) -> Floats:
         """Points (T, K, 3) on the object's axis, m, from end to end; its centre if it has no length."""
         half = self.item.length / 2 if isinstance(self.item, Capsule | Cylinder) else 0.0
+        if isinstance(self.item, Mesh):
+            half = max(self.item.sizes[2] - self.girth, 0.0)
         along = np.linspace(-half, half, CORE)
         return np.asarray(self.touch.position[:, None] + along[:, None] * self.touch.frame[:, None, 2])
 
@@ -132,11 +140,13 @@ def girth(item: RigidObject) -> float:
     if isinstance(item, Box):
         a, b, _ = item.size
         return (a + b) / pi
+    if isinstance(item, Mesh):
+        return float(ConvexHull(item.corners.reshape(-1, 3)[:, :2]).area) / tau  # in the plane its "area" is the way round
     return float(item.radius) if isinstance(item, Sphere | Capsule | Cylinder) else inf
 
 
-def recorded_object(row: Floats, name: str) -> RigidObject:
-    """The object whose shape and sizes a `row` of a recording holds, fixed where it was, under its `name`."""
+def recorded_object(row: Floats, name: str, meshes: Mapping[str, Mesh] = MappingProxyType({})) -> RigidObject:
+    """The object whose shape and sizes a `row` of a recording holds, with its `meshes`, fixed where it was, under its `name`."""
     kind = list(SHAPES.values())[int(row[Note.SHAPE])]
     first, second, third = (float(size) for size in row[Note.SIZE : Note.SIZE + 3])
     x, y, z = (float(value) for value in row[Note.POSITION : Note.POSITION + 3])
@@ -148,4 +158,6 @@ def recorded_object(row: Floats, name: str) -> RigidObject:
         return Box(size=(2 * first, 2 * second, 2 * third), **placed)
     if kind is Plane:
         return Plane(**placed)
+    if kind is Mesh:
+        return replace(meshes[name], support=Fixed(), pushes=(), **placed)
     return (Capsule if kind is Capsule else Cylinder)(radius=first, length=2 * second, **placed)

@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..scene.mesh import Mesh
 from ..scene.objects import Box, Capsule, Cylinder, RigidObject, Sphere
+from ..scene.triangles import spread_over
 from .columns import Anchor
 
 Floats = NDArray[np.float64]
@@ -82,6 +84,9 @@ def markers_of(item: RigidObject) -> Floats:
         ring = item.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         places = [[*point, height] for height in along for point in ring] + [[0.0, 0.0, along[0]], [0.0, 0.0, along[-1]]]
         return _bare(places, item.length / len(along))
+    if isinstance(item, Mesh):
+        apart = 2 * max(item.sizes) / 8
+        return _bare(spread_over(item.corners, apart), apart)
     assert isinstance(item, Box)
     grids = [_spread(edge / 2, max(item.size) / 8) for edge in item.size]
     net = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 3)

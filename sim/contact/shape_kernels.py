@@ -1,7 +1,8 @@
 """Signed distance of a point from a body, and the direction in which it grows: negative inside, zero on the surface.
 
 ``distance(body, x1, x2, x3) -> gap, n1, n2, n3`` with the unit normal from the body to the point, all in the laboratory frame. Exact
-outside; inside exact too, but for a box and a cylinder along their edges, where the nearest face counts. Closed forms as in Quilez
+outside; inside exact too, but for a box and a cylinder along their edges, where the nearest face counts; of a
+mesh as fine as its grid. Closed forms as in Quilez
 (2008-, "distance functions"); a capsule is the set of points nearer than its radius to a segment.
 """
 
@@ -9,9 +10,10 @@ import numpy as np
 
 from ..compiler import borrowing_kernel
 from ..contracts import Floats
+from .baked_kernels import baked
 from .columns import Body, Shape
 
-SPHERE, CAPSULE, CYLINDER, BOX = (float(kind) for kind in (Shape.SPHERE, Shape.CAPSULE, Shape.CYLINDER, Shape.BOX))
+SPHERE, CAPSULE, CYLINDER, BOX, PLANE = (float(kind) for kind in (Shape.SPHERE, Shape.CAPSULE, Shape.CYLINDER, Shape.BOX, Shape.PLANE))
 SHAPE, SIZE, POSITION, FRAME = (int(column) for column in (Body.SHAPE, Body.SIZE, Body.POSITION, Body.FRAME))
 TINY = 1e-300
 
@@ -33,8 +35,10 @@ def distance(body: Floats, x1: float, x2: float, x3: float) -> tuple[float, ...]
         gap, n1, n2, n3 = cylinder(a, b, c, body[SIZE], body[SIZE + 1])
     elif shape == BOX:
         gap, n1, n2, n3 = box(a, b, c, body[SIZE], body[SIZE + 1], body[SIZE + 2])
-    else:
+    elif shape == PLANE:
         gap, n1, n2, n3 = c, 0.0, 0.0, 1.0
+    else:
+        gap, n1, n2, n3 = baked(body, a, b, c)
     return (
         gap,
         body[FRAME] * n1 + body[FRAME + 3] * n2 + body[FRAME + 6] * n3,

@@ -188,11 +188,12 @@ class Surroundings:
     def state(self) -> dict[str, Floats]:
         """Copies of the arrays that hold all of it."""
         world = self.world
-        return {"bodies": world.bodies.copy(), "anchors": world.anchors.copy(), "between": world.pairs.anchors.copy()}
+        return {"bodies": world.bodies[:, : Body.WIDTH].copy(), "anchors": world.anchors.copy(), "between": world.pairs.anchors.copy()}
 
     def restore(self, state: Mapping[str, Floats]) -> None:
         """Go back to a `state`."""
-        self.world.bodies[:], self.world.anchors[:], self.world.pairs.anchors[:] = state["bodies"], state["anchors"], state["between"]
+        world = self.world
+        world.bodies[:, : Body.WIDTH], world.anchors[:], world.pairs.anchors[:] = state["bodies"], state["anchors"], state["between"]
 
 
 def _times(item: RigidObject) -> list[float]:

@@ -63,6 +63,7 @@ class World(NamedTuple):
     ----------
     points : Points or Nodes
     bodies : (M, Body.WIDTH) float64
+        And their grids, if any is a mesh.
     anchors : (M, P, Anchor.WIDTH) float64
     places : (4, P) float64, m
         Points and radii when it was last looked which of them are near.

@@ -14,6 +14,7 @@ from ..contracts import ActivationSource, Core, Floats, Motion, State
 from ..errors import OctoctrlError, PlantUnstableError, check_number
 from ..findings import Finding
 from ..scene.loads import Load, checked_loads, sampled_loads
+from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..sources import Held, sampled
 from .clock import Clock, StepLimit
@@ -51,6 +52,7 @@ class Plant:
         self._factors = _factors(self._gains, core.arm.layout)
         edges = core.partitions["arm"]
         self._stations = np.concatenate([[0.0], (edges[1:] + edges[:-1]) / 2, [core.arm.length]])
+        self._meshes = {item.name: item for item in core.scene.objects if isinstance(item, Mesh)}
         self._automatic, self._retried, self._samples = automatic, 0, 0
         core.start(clock)
         core.rest()
@@ -425,6 +427,7 @@ class Plant:
             stretch=motion.stretch[keep].copy(),
             levels=levels[1 : len(numbers) + 1][keep].copy(),
             series={name: values[keep].copy() for name, values in motion.series.items()},
+            meshes=self._meshes,
         )
 
     def _now(self, levels: Floats) -> Recording:
@@ -437,6 +440,7 @@ class Plant:
             stretch=stretch[None],
             levels=levels[None],
             series={name: np.asarray(value, dtype=float)[None] for name, value in self._core.series().items()},
+            meshes=self._meshes,
         )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import OctoctrlError
 from ..records import Record, check_shapes
+from ..scene.mesh import Mesh
 
 Floats = NDArray[np.float64]
 
@@ -33,6 +34,8 @@ class Recording(Record):
         Activation in force, by group of `octoctrl.sim.body.arm.MUSCLE_GROUPS` and element.
     series : dict of str to (T, ...) float64
         What else the plant keeps, by name; `octoctrl.sim.contracts.Core.series` of each plant says what that is.
+    meshes : dict of str to Mesh
+        Objects whose shape their sizes do not tell, by name.
     finer : int
         How many samples were done at a part of the step, because they would have stopped at the whole.
     complete : bool
@@ -47,6 +50,7 @@ class Recording(Record):
     stretch: Floats
     levels: Floats
     series: dict[str, Floats] = field(default_factory=dict)
+    meshes: dict[str, Mesh] = field(default_factory=dict)
     finer: int = 0
     complete: bool = True
     note: str = ""

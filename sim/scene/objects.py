@@ -101,7 +101,7 @@ class RigidObject(ABC):
             raise OctoctrlError(f"object '{self.name}' has a mass and a density; give one of them")
         if self.movable and self.weight is None:
             raise OctoctrlError(f"object '{self.name}' can move but has no mass; give mass or density")
-        object.__setattr__(self, "pushes", _several(self.pushes))
+        object.__setattr__(self, "pushes", several(self.pushes))
         if not all(isinstance(push, Push) for push in self.pushes):
             raise OctoctrlError(f"object '{self.name}': pushes is {brief(self.pushes)}; give a tuple of Push(force=...)")
         if self.pushes and not self.movable:
@@ -315,10 +315,6 @@ class Plane(RigidObject):
             raise OctoctrlError(f"object '{self.name}': a plane cannot be moved by what touches it; use support Fixed() or Moved(...)")
 
 
-SHAPES: dict[str, type[RigidObject]] = {kind.__name__.lower(): kind for kind in (Sphere, Capsule, Cylinder, Box, Plane)}
-"""Shapes by the name that a task file gives them."""
-
-
 def frame_of(item: RigidObject) -> Floats:
     """Directors (3, 3), rows d1, d2, d3, of an object at the begin; d1 is as near to +z as can be, or to +x."""
     d3 = np.asarray(item.axis, dtype=float) / np.linalg.norm(item.axis)
@@ -328,27 +324,6 @@ def frame_of(item: RigidObject) -> Floats:
     return np.array([d1, np.cross(d3, d1), d3])
 
 
-def _several(value: Any) -> tuple[Any, ...]:
+def several(value: Any) -> tuple[Any, ...]:
     """What was given as a tuple, also if it is one thing or nothing that can be gone through."""
     return tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else (value,)
-
-
-def checked_objects(objects: Iterable[RigidObject]) -> tuple[RigidObject, ...]:
-    """Check the objects of a scene.
-
-    Raises
-    ------
-    OctoctrlError
-        If one is no object, or two have one name.
-    """
-    found = _several(objects)
-    for item in found:
-        if not isinstance(item, RigidObject):
-            raise OctoctrlError(
-                f"{brief(repr(item))} is no object that an arm can touch; use one of {', '.join(k.__name__ for k in SHAPES.values())}"
-            )
-    names = [item.name for item in found]
-    for name in names:
-        if names.count(name) > 1:
-            raise OctoctrlError(f"two objects are called '{name}'; give each a name of its own")
-    return found

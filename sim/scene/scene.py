@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 from ..errors import OctoctrlError, brief, check_number
 from .loads import Load, PointLoad, SpreadLoad, checked_loads
-from .objects import RigidObject, checked_objects
+from .objects import RigidObject
+from .shapes import checked_objects
 
 SELF_CONTACT = "self contact"
 """Name, in the series of a recording, of what the arm does to itself, see `octoctrl.sim.contact.folds.Folds`."""
