@@ -248,6 +248,19 @@ def test_quick_trials_are_those_of_usual_samples_at_the_same_steps():
     assert 0 < off < 2e-4
 
 
+def test_rough_trials_are_near_the_usual_ones_at_half_the_work():
+    configuration, *drives = gripping()
+    covered, work = {}, {}
+    for rough in (False, True):
+        plant = plant_for("rod", configuration.arm, configuration.scene, quick=True, rough=rough)
+        plant.reset()
+        recording = plant.advance(schedule_of(tuple(drives), 5.0).activation(), 5.0)
+        covered[rough] = np.abs(hold_in(RecordedOutputs(recording, None, plant.arm), "post").covered)[recording.time >= 4.0].min()
+        work[rough] = plant.elements * plant.steps
+    assert covered[True] == pytest.approx(covered[False], abs=0.1) and covered[True] != covered[False]
+    assert work[True] < work[False] / 2
+
+
 def test_what_is_too_thick_for_the_arm_is_refused_before_anything_moves():
     thick = replace(POST, radius=0.02, position=(-0.05, 0.12, 0.0), axis=(0, 0, 1))
     configuration = task_for(thick)

@@ -17,9 +17,9 @@ import numpy as np
 
 from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.asking.wrapping import TwistCurve
-from octoctrl.planners.contracts import Primitive
+from octoctrl.planners.contracts import Floats, Primitive
 from octoctrl.planners.model.reduced import ReducedModel
-from octoctrl.planners.solving.cross_entropy import Candidate, Searched, Unknowns, search, survey
+from octoctrl.planners.solving.cross_entropy import GOOD_ENOUGH, Candidate, Searched, search, survey
 from octoctrl.planners.solving.free_shapes import free_points, last_free, turns_near
 from octoctrl.planners.solving.grasping import check_objects, grasp_drives, grasp_region, grasped, objects_held, too_short
 from octoctrl.planners.solving.plan import Plan
@@ -46,6 +46,9 @@ alone. A search that has lost its way does not find it again; another one may.""
 SURVEYS, DRAWN, SURVEYED, FAR = 2, 600, 40, 1.0
 """Surveys of a phase at most, the second where the first leads nowhere; programmes that are drawn for one, how many of them it tries, and
 how far apart the searches that follow it begin, in first spreads."""
+
+SETTLING = 2
+"""Rounds of trials that are not rough at most, where nothing that rough ones found is good enough."""
 
 LOOKS = 14
 """Instants at which the way of a programme is looked at in free water."""
@@ -270,13 +273,24 @@ def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]
     return _heeded(found, work)
 
 
-def _rounds(stage: Stage, unknowns: Unknowns, after: Searched | None, work: Work, rounds: int, enough: float, seed: int) -> Searched:
-    """Some rounds of a stage, from the mean of the unknowns or after others."""
-    work.progress.start(f"searching phase '{stage.name}'", float(work.population * (rounds + (len(after.rounds) if after else 0))))
+def _rounds(
+    stage: Stage,
+    work: Work,
+    rounds: int,
+    seed: int,
+    *,
+    start: Floats | None = None,
+    after: Searched | None = None,
+    first: Sequence[Floats] = (),
+) -> Searched:
+    """Some rounds of a stage, from a `start` or `after` others; all that the only round tries may be given, the mean first."""
+    unknowns = stage.unknowns if start is None else replace(stage.unknowns, mean=start)
+    population = max(len(first), 2) if first else work.population
+    work.progress.start(f"searching phase '{stage.name}'", float(population * rounds + (len(after.candidates) if after else 0)))
     try:
         result = search(
-            stage, unknowns, work.executor, seed=work.seed + seed, population=work.population, rounds=rounds, enough=enough,
-            after=after, stop=work.over, progress=work.progress,
+            stage, unknowns, work.executor, seed=work.seed + seed, population=population, rounds=rounds, enough=stage.enough,
+            first=first[1:], after=after, stop=work.over, progress=work.progress,
         )  # fmt: skip
     finally:
         work.progress.stop()
@@ -293,45 +307,77 @@ def _heeded(found: Searched, work: Work) -> Searched:
 def _search_phase(
     stage: Stage, work: Work, index: int, region: Mapping[str, tuple[float, float]]
 ) -> tuple[list[Candidate], list[str], int]:
-    """Search a phase from each start, then on from the best; the best candidates that lie apart, what was tried, and how many trials.
+    """Search a phase; the best candidates that lie apart, what was tried, and how many trials.
 
-    It starts from the task's own numbers; where these come near nothing, and there is a region to look round, from the best of a survey,
-    and if that leads nowhere from the best of another one.
+    Where trials may be quick, the first rounds are rough ones, and what they find is settled by others.
     """
-    name, unknowns = stage.name, stage.unknowns
-    own = unknowns.mean
-    enough = stage.enough
-    if not unknowns.names:
+    name, own, seed, tried = stage.name, stage.unknowns.mean, 1000 * index, replace(stage, rough=stage.quick)
+    if not stage.unknowns.names:
         return [Candidate(own, stage(own))], [], 1
     judged = work.executor.submit(stage, own).result()
-    if judged.met or judged.price <= enough:
+    if judged.met or judged.price <= stage.enough:
         return [Candidate(own, judged)], [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"], 1
-    said, count, found = [], 1, list[Searched]()
-    surveyed = bool(region) and judged.price > stage.hopeless
-    for look in range(SURVEYS if surveyed else 1):
-        seed, starts, rounds = 1000 * index + look * (STARTS + 2), [own] * STARTS, 0
-        if surveyed:
-            seen = _surveyed(stage, work, region, seed + STARTS + 1)
-            said.append(f"phase '{name}', survey with {seen}")
-            count += len(seen.candidates)
-            starts = [item.x for item in seen.apart(STARTS, FAR)]
+    seen, found = _begun(tried, work, seed, region if judged.price > stage.hopeless else {})
+    best = _apart(found) or [Candidate(own, judged)]
+    if best[0].price > stage.hopeless:  # nothing came near, and more of the same will not
+        best = best[:1]
+    elif tried.rough and found:
+        found.append(_settled(stage, work, seed + STARTS, found))
+        best = _apart(found[-1:]) or best
+    elif found:
+        _gone_on(stage, work, seed + STARTS, found)
+        best = _apart(found)
+    said = [f"phase '{name}', survey with {item}" for item in seen] + [f"phase '{name}', {item}" for item in found]
+    return best, said or [f"phase '{name}' was not searched"], 1 + sum(len(result.candidates) for result in (*seen, *found))
+
+
+def _begun(stage: Stage, work: Work, seed: int, region: Mapping[str, tuple[float, float]]) -> tuple[list[Searched], list[Searched]]:
+    """Surveys, and some rounds from each start: from the task's own numbers or, where there is a `region` to look round, from the best of a
+    survey, and if that leads nowhere from the best of another one.
+    """
+    seen, found = list[Searched](), list[Searched]()
+    for look in range(SURVEYS if region else 1):
+        starts, first = [stage.unknowns.mean] * STARTS, seed + look * (STARTS + 2)
+        if region:
+            seen.append(_surveyed(stage, work, region, first + STARTS + 1))
+            starts = [item.x for item in seen[-1].apart(STARTS, FAR)]
         for number, start in enumerate(starts):
-            began = replace(unknowns, mean=start)
-            found.append(_rounds(stage, began, None, work, min(FIRST_ROUNDS, work.rounds), enough, seed + number))
-            rounds += len(found[-1].rounds)
-            if work.over() or found[-1].ended == "good enough":
+            found.append(_rounds(stage, work, min(FIRST_ROUNDS, work.rounds), first + number, start=start))
+            if work.over() or found[-1].ended == GOOD_ENOUGH:
                 break
         if work.over() or any(result.candidates and result.best.price <= stage.hopeless for result in found):
             break
-    found = [result for result in found if result.candidates]
-    if not found:  # no time: the first numbers
-        return [Candidate(own, judged)], [f"phase '{name}' was not searched"], count
-    left = work.rounds - rounds
-    result = min(found, key=lambda result: (not result.best.judgement.met, result.best.price))
-    near = result.best.price <= stage.hopeless  # else nothing came near, and more of the same will not
-    if near and left > 0 and result.ended != "good enough" and not work.over():
-        _rounds(stage, unknowns, result, work, left, enough, seed + STARTS)
-    candidates = [item for result in found for item in result.apart(CANDIDATES, APART)]
-    ranked = sorted(candidates, key=lambda item: (not item.judgement.met, item.price))
-    said += [f"phase '{name}', {result}" for result in found]
-    return ranked[: CANDIDATES if near else 1], said, count + sum(len(result.candidates) for result in found)
+    return seen, [result for result in found if result.candidates]
+
+
+def _gone_on(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> None:
+    """The rounds that are left, after that of what was `found` which found the best, unless that is good enough."""
+    left, best = work.rounds - STARTS * FIRST_ROUNDS, _best(found)
+    if left > 0 and best.ended != GOOD_ENOUGH and not work.over():
+        _rounds(stage, work, left, seed, after=best)
+
+
+def _settled(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> Searched:
+    """The best of what rough trials `found`, judged by others, and some rounds from there if none is good enough."""
+    first, spread = [item.x for item in _apart(found)], _best(found).spread
+    settled = Searched(unknowns=stage.unknowns, seed=work.seed + seed, mean=first[0], spread=spread)
+    _rounds(stage, work, 1, seed, after=settled, first=first)
+    if settled.candidates and settled.ended != GOOD_ENOUGH and not work.over():
+        settled.mean, settled.spread = settled.best.x, spread
+        _rounds(stage, work, min(SETTLING, work.rounds), seed, after=settled)
+    return settled
+
+
+def _best(found: Sequence[Searched]) -> Searched:
+    """The search that came nearest."""
+    return min(found, key=lambda result: _rank(result.best))
+
+
+def _apart(found: Sequence[Searched]) -> list[Candidate]:
+    """The best candidates of all searches that lie apart in theirs."""
+    return sorted((item for result in found for item in result.apart(CANDIDATES, APART)), key=_rank)[:CANDIDATES]
+
+
+def _rank(item: Candidate) -> tuple[bool, float]:
+    """What goes first: that which meets all goals, then by price."""
+    return not item.judgement.met, item.price

@@ -7,6 +7,7 @@ them; a bad scenario ends it. Plants are kept by the process or the thread that 
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from octoctrl.sim.contact.surroundings import PREFIX, Touch
 from octoctrl.sim.contracts import State
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import Plant, make_plant
+from octoctrl.sim.running.clock import SAFETY
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.topology.meter import Meter
@@ -34,6 +36,10 @@ RECORD = 4
 
 QUICK = 0.02
 """Interval between samples of trials that are quick, s: levels change slowly, and the steps in between are as small as ever."""
+
+ROUGH_ELEMENTS, ROUGH_STEP = 24, 1e-3
+"""Elements at most, and step, s, where it is stable, of trials that are rough besides: they take less than half of the time. Longer
+elements lie on an object more easily: prices are the same within 0.03 in the middle, but too low by 0.2 and more in one of ten."""
 
 HOPELESS, LOST = 1.4, 9.0
 """Price of a goal beyond which a trial is not tried in further scenarios, and price of a plant that diverged."""
@@ -57,20 +63,25 @@ ENOUGH = 0.15
 _LOCAL = threading.local()
 
 
-def plant_for(plant: str, arm: Arm, scene: Scene, record_every: int = RECORD, *, quick: bool = False) -> Plant:
+def plant_for(plant: str, arm: Arm, scene: Scene, record_every: int = RECORD, *, quick: bool = False, rough: bool = False) -> Plant:
     """The `plant` of this name for `arm` and `scene` that keeps every so many samples, `record_every`: the same one each time.
 
-    One that is `quick` takes the samples of `QUICK` and keeps each. Each thread has its own.
+    One that is `quick` takes the samples of `QUICK` and keeps each, one that is `rough` has the elements and steps of `ROUGH_ELEMENTS` and
+    `ROUGH_STEP` besides. Each thread has its own.
     """
     plants: dict[Any, Plant] = _LOCAL.__dict__.setdefault("plants", {})
-    key = plant, arm, scene, record_every, quick
+    key = plant, arm, scene, record_every, quick, rough
     if key not in plants:
         if len(plants) > 64:  # of searches that are over
             plants.clear()
-        if quick:
-            plants[key] = make_plant(plant, arm, scene, sample_interval=QUICK, record_every=1)
+        if rough:
+            arm = replace(arm, elements=min(arm.elements, ROUGH_ELEMENTS))
+        if quick or rough:
+            plants[key] = moved = make_plant(plant, arm, scene, sample_interval=QUICK, record_every=1)
         else:
-            plants[key] = make_plant(plant, arm, scene, record_every=record_every)
+            plants[key] = moved = make_plant(plant, arm, scene, record_every=record_every)
+        if rough:
+            moved.set_steps(ceil(QUICK / max(min(ROUGH_STEP, SAFETY * moved.limit.step), moved.h)))
     return plants[key]
 
 
@@ -129,6 +140,8 @@ class Stage:
         How far a search looks at first, over the usual.
     quick : bool
         Whether trials are; how they `ended` is told with the usual samples.
+    rough : bool
+        Whether trials are; they meet a goal only where no tolerance is used up.
     """
 
     task: Task
@@ -146,6 +159,7 @@ class Stage:
     hopeless: float = HOPELESS
     spread: float = 1.0
     quick: bool = False
+    rough: bool = False
     names: tuple[tuple[int, str], ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
@@ -193,10 +207,10 @@ class Stage:
         """The scene of a `scenario`."""
         return scenario.scene(self.scene, set(self.held))
 
-    def run(self, x: Floats, number: int, *, quick: bool = False) -> tuple[Recording, Plant]:
-        """What numbers `x` come to in scenario `number`, with `quick` samples or usual ones, and the plant at its end."""
+    def run(self, x: Floats, number: int, *, quick: bool = False, rough: bool = False) -> tuple[Recording, Plant]:
+        """What numbers `x` come to in scenario `number`, by a trial that may be `quick` and `rough`, and the plant at its end."""
         scenario, state = self.scenarios[number], self.states[number]
-        plant = plant_for(self.plant, scenario.arm(self.arm), self.scene_in(scenario), quick=quick)
+        plant = plant_for(self.plant, scenario.arm(self.arm), self.scene_in(scenario), quick=quick, rough=rough)
         plant.reset()
         if state is not None:
             plant.restore(state)
@@ -236,7 +250,7 @@ class Stage:
         recordings: list[Recording] = []
         for number in range(len(self.scenarios)):
             try:
-                recording, _ = self.run(x, number, quick=self.quick)
+                recording, _ = self.run(x, number, quick=self.quick, rough=self.rough)
                 prices.append(self.price(recording))
                 recordings.append(recording)
             except PlantUnstableError:
@@ -245,7 +259,8 @@ class Stage:
                 break
         tried = len(prices)
         price = self.together(prices, max(prices) + 0.2)
-        met = len(recordings) == len(self.scenarios) and all(max(self.misses(item), default=0.0) <= 1 for item in recordings)
+        most = 0.0 if self.rough else 1.0  # what is met by a rough trial with nothing to spare may be missed
+        met = len(recordings) == len(self.scenarios) and all(max(self.misses(item), default=0.0) <= most for item in recordings)
         return Judgement(price=price, simulated=tried * self.duration, runs=tried, met=met, notes=tuple(prices))
 
     def together(self, prices: list[float], other: float) -> float:

@@ -24,6 +24,10 @@ OF_ELITE, OF_OLD, LEAST = 0.7, 0.15, 0.02
 """The spread becomes so much of the elite's and so much of what it was, and is at least this share of the first."""
 
 
+GOOD_ENOUGH = "good enough"
+"""Why a search ended that needs no bettering."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknowns:
     """What is searched.
@@ -282,7 +286,7 @@ def search(
             found.mean = members.mean(axis=0)
             found.spread = np.maximum(OF_ELITE * members.std(axis=0) + OF_OLD * spread, LEAST * unknowns.spread)
             if found.best.judgement.met or found.best.price <= enough:
-                found.ended = "good enough"
+                found.ended = GOOD_ENOUGH
                 break
     return found
 
