@@ -6,6 +6,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .annotations import settle
 from .body.layout import OCTOPUS_MUSCLES, MuscleLayout
 from .errors import OctoctrlError, check_choice
 from .templates import Template, timing
@@ -13,6 +14,7 @@ from .templates import Template, timing
 Floats = NDArray[np.float64]
 
 COMPOSITIONS = ("override", "handover", "max", "add")
+SATURATIONS = ("error", "clip")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +45,12 @@ class Activation:
     layout: MuscleLayout = field(default=OCTOPUS_MUSCLES, repr=False)
 
     def __post_init__(self) -> None:
+        settle(self)
         for template in self.templates:
             for group in template.groups:
                 check_choice("muscle group", group, self.layout.names)
         check_choice("composition", self.composition, COMPOSITIONS)
-        check_choice("on_saturation", self.on_saturation, ("error", "clip"))
+        check_choice("on_saturation", self.on_saturation, SATURATIONS)
 
     @property
     def groups(self) -> tuple[str, ...]:

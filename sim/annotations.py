@@ -1,14 +1,16 @@
-"""Whether what a file says fits the annotated fields of a class: numbers where numbers belong, arrays where arrays do."""
+"""Whether what a user or a file says fits the annotated fields of a class: numbers where numbers belong, arrays where arrays do."""
 
 import types
 import typing
 from collections.abc import Mapping, Sequence
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
+
+from .errors import OctoctrlError, a, brief
 
 Made = TypeVar("Made")
 
@@ -67,6 +69,57 @@ def fits(hint: Any, value: Any) -> bool:
     if isinstance(hint, type) and (hint in (str, bool) or is_dataclass(hint) or issubclass(hint, Enum) or _checkable(hint)):
         return isinstance(value, hint)
     return True
+
+
+def settle(item: Any) -> None:
+    """Check the fields of a dataclass (`item`) as it is made against their annotations: texts, truths, objects, and several of them.
+
+    Lists become tuples. Numbers are left to who knows their ranges, and so is what fulfils a protocol.
+
+    Raises
+    ------
+    OctoctrlError
+        If a field is something else.
+    """
+    kind: type = type(item)
+    hints = _hints(kind)
+    for field in fields(item):
+        hint, value = hints.get(field.name, Any), getattr(item, field.name)
+        if isinstance(value, list) and _is_tuple(hint):
+            value = tuple(value)
+            object.__setattr__(item, field.name, value)
+        if _is_settled(hint, value):
+            continue
+        needed = f"{_words(hint)} {'are' if _is_tuple(hint) else 'is'} needed"
+        if _is_tuple(hint) and _is_settled(hint, (value,)):
+            needed += f", in brackets: ({brief(repr(value))},) for one"
+        raise OctoctrlError(f"{kind.__name__}: {field.name} is {brief(repr(value))}; {needed}")
+
+
+def _is_tuple(hint: Any) -> bool:
+    return typing.get_origin(hint) is tuple
+
+
+def _is_settled(hint: Any, value: Any) -> bool:
+    """Whether a value is of its kind, as far as that is looked at."""
+    inner = typing.get_args(hint)
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        return any(_is_settled(kind, value) for kind in inner)
+    if _is_tuple(hint):
+        numbers = inner[-1] is not Ellipsis or inner[0] in (float, int)
+        return numbers or (isinstance(value, tuple) and all(_is_settled(inner[0], item) for item in value))
+    looked_at = isinstance(hint, type) and (hint in (str, bool, types.NoneType) or is_dataclass(hint) or issubclass(hint, Enum))
+    return not looked_at or fits(hint, value)
+
+
+def _words(hint: Any) -> str:
+    """What an annotation asks for, in words."""
+    inner = typing.get_args(hint)
+    if _is_tuple(hint):
+        return f"several {_words(inner[0]).split(maxsplit=1)[-1]}s"
+    if inner:
+        return " or ".join(map(_words, inner))
+    return {str: "a text", bool: "True or False", types.NoneType: "None"}.get(hint) or a(getattr(hint, "__name__", str(hint)))
 
 
 def _of_kind(inner: tuple[Any, ...], value: np.ndarray) -> bool:

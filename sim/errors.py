@@ -109,6 +109,53 @@ def check_number(
         raise OctoctrlError(f"{name}={found:g}{space} is outside {allowed}{f'; {advice}' if advice else ''}")
 
 
+def check_numbers(name: str, values: object, count: int, example: str) -> None:
+    """Check that `values` are `count` finite numbers; an `example` shows what they may be.
+
+    Raises
+    ------
+    OctoctrlError
+        If they are anything else.
+    """
+    listed = values if isinstance(values, tuple | list) else ()
+    fit = len(listed) == count and all(isinstance(item, int | float) and not isinstance(item, bool) for item in listed)
+    if not fit or not all(abs(item) < math.inf for item in listed):
+        word = {2: "two", 3: "three"}.get(count, str(count))
+        raise OctoctrlError(f"{name} is {brief(values)}; {word} finite numbers are needed, such as {example}")
+
+
+def check_window(owner: str, window: Any) -> None:
+    """Check a window of the arm: two arclengths, m, of which the second may be infinite.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is something else, or the begin does not lie before the end; the message names the `owner`.
+    """
+    if not isinstance(window, tuple | list) or len(window) != 2:
+        raise OctoctrlError(f"{owner}: window is {brief(repr(window))}; two arclengths in metres are needed")
+    for edge in window:
+        if edge != math.inf:
+            check_number(f"{owner}: window", edge, unit="m")
+    if window[0] >= window[1]:
+        raise OctoctrlError(f"{owner}: window {tuple(window)} m: the begin must lie before the end")
+
+
+def check_kind(name: str, value: object, kinds: type | tuple[type, ...], advice: str = "") -> None:
+    """Check that `value` is an object of one of some classes (`kinds`); `advice` says how to come by one.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is something else.
+    """
+    if not isinstance(value, kinds):
+        wanted = " or ".join(a(kind.__name__) for kind in (kinds if isinstance(kinds, tuple) else (kinds,)))
+        text = repr(value)
+        found = text if len(text) <= 40 else a(type(value).__name__)
+        raise OctoctrlError(f"{name} is {brief(found)}; {wanted} is needed{f': {advice}' if advice else ''}")
+
+
 def check_count(name: str, value: object, *, at_least: int = 1, at_most: int | None = None, advice: str = "") -> int:
     """Check a whole number against its allowed range.
 
@@ -136,7 +183,7 @@ def suggest(word: object, known: Iterable[str]) -> str:
 
 def check_choice(name: str, value: object, choices: Collection[str]) -> None:
     """Check that `value` is one of `choices`; the error suggests the nearest."""
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         listed = ", ".join(str(choice) for choice in choices)
         raise OctoctrlError(f"unknown {name} '{brief(value)}'{suggest(value, choices)} ({listed})")
 
@@ -145,6 +192,11 @@ def brief(value: object, longest: int = 80) -> str:
     """Quote a `value` in a message: as it is printed, on one line, and of what is longer than `longest` characters both ends."""
     text = " ".join(str(value).split())
     return text if len(text) <= longest else f"{text[: longest - 20]} … {text[-17:]}"
+
+
+def a(word: str) -> str:
+    """A `word` with its article, by how it is written."""
+    return f"{'an' if word[:1] in 'AEIOUaeiou' else 'a'} {word}"
 
 
 def _describe(value: object) -> str:

@@ -11,7 +11,7 @@ from typing import Any, Literal, Protocol, cast
 
 from .body.arm import Arm
 from .contracts import Core
-from .errors import OctoctrlError, check_choice, suggest
+from .errors import OctoctrlError, check_choice, check_kind, suggest
 from .registries import enter
 from .running import plant as running
 from .running.clock import RECORD, SAMPLE, Clock
@@ -203,7 +203,11 @@ class Plant(running.Plant):
         **options: Any,
     ) -> None:
         make = check_plant(model).core
-        core = make(Arm.octopus() if arm is None else arm, Scene() if scene is None else scene, **options)
+        arm, scene = Arm.octopus() if arm is None else arm, Scene() if scene is None else scene
+        check_kind("arm", arm, Arm)
+        check_kind("scene", scene, Scene)
+        check_kind("energy", energy, bool)
+        core = make(arm, scene, **options)
         if energy:
             from .running.account import Accounted
 

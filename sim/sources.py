@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .annotations import settle
 from .body.layout import OCTOPUS_MUSCLES, Family, MuscleLayout
 from .contracts import ActivationSource, Floats
 from .errors import OctoctrlError, brief, check_number, suggest
@@ -199,6 +200,7 @@ class Strike:
     layout: MuscleLayout = field(default=OCTOPUS_MUSCLES, repr=False)
 
     def __post_init__(self) -> None:
+        settle(self)
         check_number("rise", self.rise, above=0.0, unit="s")
         check_number("steepness", self.steepness, above=0.0)
 

@@ -11,8 +11,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from .annotations import settle
 from .body.layout import OCTOPUS_MUSCLES
-from .errors import OctoctrlError, check_number
+from .errors import OctoctrlError, check_number, check_window
 
 WRITE_THRESHOLD = 2e-3
 """Values of a wave below this are not written when templates override each other (Tekinalp et al. 2024, released programmes)."""
@@ -171,6 +172,8 @@ class Wave:
             check_number("end_level", self.end_level, at_least=0.0, at_most=1.0)
         if _is_number(self.profile):
             check_number("profile", self.profile, at_least=-2.0, at_most=4.0)
+        if _is_number(self.apex) and not _never(self.apex):
+            check_number("apex", self.apex, above=self.window[0], unit="m", advice="inf is an arm that does not taper")
 
     def shape(self, math: Any, time: Any, lower: Any, upper: Any) -> Any:
         """Mean over the cells [lower, upper] at `time` (arrays that broadcast) of its two fronts, 0 for a second one that never comes."""
@@ -322,6 +325,7 @@ def timing(template: Template) -> tuple[Any, ...]:
 
 
 def _check_template(template: "Template") -> None:
+    settle(template)
     if not template.groups:
         raise OctoctrlError(f"{type(template).__name__}: no muscle groups given ({', '.join(OCTOPUS_MUSCLES.names)})")
     if _is_number(template.level):
@@ -331,23 +335,6 @@ def _check_template(template: "Template") -> None:
     if _is_number(template.offset) and not _never(template.offset):
         check_number("offset", template.offset, unit="s", advice="inf is never")
     check_window(type(template).__name__, template.window)
-
-
-def check_window(owner: str, window: Any) -> None:
-    """Check a window of the arm: two arclengths, m, of which the second may be infinite.
-
-    Raises
-    ------
-    OctoctrlError
-        If it is something else, or the begin does not lie before the end; the message names the `owner`.
-    """
-    if not isinstance(window, tuple | list) or len(window) != 2:
-        raise OctoctrlError(f"{owner}: window is {window!r}; two arclengths in metres are needed")
-    for edge in window:
-        if edge != inf:
-            check_number(f"{owner}: window", edge, unit="m")
-    if window[0] >= window[1]:
-        raise OctoctrlError(f"{owner}: window {tuple(window)} m: the begin must lie before the end")
 
 
 def _relaxes(end_level: object) -> bool:

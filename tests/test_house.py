@@ -45,7 +45,7 @@ ROOMS = {
         "writing": {"errors"},
         "archives": {"errors", "writing"},
         "registries": {"errors"},
-        "annotations": set(),
+        "annotations": {"errors"},
         "records": {"errors"},
         "rotations": set(),
         # Names types of the rooms that it is a contract between.

@@ -8,7 +8,7 @@ from octoctrl.planners.contracts import Controller
 from octoctrl.planners.following.controllers import controller
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.contracts import Resumable
-from octoctrl.sim.errors import OctoctrlError, check_number
+from octoctrl.sim.errors import OctoctrlError, check_kind, check_number
 from octoctrl.sim.plants import PLANTS, make_plant, warmup
 from octoctrl.sim.running.plant import Plant
 from octoctrl.sim.running.sensors import Sensors
@@ -96,6 +96,7 @@ def execute(
     OctoctrlError
         If an argument is out of range or unknown, the plan is not solved, the plant is another arm than the plan's, or the path is no good.
     """
+    check_kind("plan", plan, Plan, "what oc.plan gives, or oc.load of its file")
     if not plan.status.solved and not allow_unsolved:
         raise OctoctrlError(
             f"the plan of '{plan.task.name}' is not solved ({plan.status.name.lower()}); plan again, or pass allow_unsolved=True to run it "

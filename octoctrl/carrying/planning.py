@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from octoctrl.planners.asking.task import Task
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.errors import check_kind
 from octoctrl.sim.scene.scene import Scene
 
 from .. import tasks
@@ -132,4 +133,5 @@ def as_configuration(task: str | Path | Configuration | Task) -> Configuration:
     """
     if isinstance(task, str | Path):
         return tasks.load(task)
+    check_kind("task", task, (Task, Configuration), "the name of a task, the path of a file, or what oc.tasks.load gives")
     return Configuration(task=task) if isinstance(task, Task) else task

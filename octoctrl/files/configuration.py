@@ -10,6 +10,7 @@ from pathlib import Path
 from octoctrl.planners.asking.copying import check_like
 from octoctrl.planners.asking.task import Task
 from octoctrl.planners.following.controllers import check_feedback
+from octoctrl.sim.annotations import settle
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, check_count, check_number
 from octoctrl.sim.plants import check_plant
@@ -78,6 +79,7 @@ class RunSettings:
     period: float | None = None
 
     def __post_init__(self) -> None:
+        settle(self)
         check_feedback(self.feedback)
         check_plant(self.plant)
         if self.period is not None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from octoctrl.planners.solving.plan import Plan
-from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.errors import OctoctrlError, check_kind
 from octoctrl.sim.records import Record
 from octoctrl.sim.topology.trace import TopologyTrace
 
@@ -86,6 +86,7 @@ def compare(execution: Execution, *, overlap: bool = False) -> Comparison:
     OctoctrlError
         If the run was cut short and `overlap` is false.
     """
+    check_kind("execution", execution, Execution, "what oc.execute gives, or oc.load of its file")
     duration, end = execution.plan.schedule.duration, float(execution.recording.time[-1])
     if execution.status is not ExecutionStatus.FINISHED and not overlap:
         raise OctoctrlError(

@@ -11,7 +11,7 @@ import numpy as np
 
 from octoctrl.planners.asking.task import miss_in_phase
 from octoctrl.planners.solving.grasping import is_simulated
-from octoctrl.sim.errors import check_number
+from octoctrl.sim.errors import check_kind, check_number
 
 from ..carrying.holding import LINK_RESIDUAL, holding_checks
 from ..carrying.results import Check, Execution, ExecutionStatus, Verdict
@@ -80,7 +80,9 @@ def verify(execution: Execution, *, limits: Limits | None = None, strict: bool =
     VerificationFailedError
         If `strict` and a check failed.
     """
+    check_kind("execution", execution, Execution, "what oc.execute gives, or oc.load of its file")
     limits = Limits() if limits is None else limits
+    check_kind("limits", limits, Limits)
     measured, planned = execution.trace, execution.planned
     writhe = measured.lifted_writhe - planned.lifted_writhe
     twist = measured.twist - planned.twist

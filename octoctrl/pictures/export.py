@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
-from octoctrl.sim.errors import check_choice, check_number
+from octoctrl.sim.errors import check_choice, check_kind, check_number
 
 from ..carrying.results import Execution
 from ..files.writing import check_target, write_text, written_aside
@@ -45,6 +45,7 @@ def export(run: Execution, path: str | Path, *, table: str = "shape", speed: flo
     OctoctrlError
         If the suffix or the table is unknown, the file exists, or a film needs what is not installed.
     """
+    check_kind("run", run, Execution, "what oc.execute gives, or oc.load of its file")
     path = check_target(path, overwrite=overwrite, suffixes=SUFFIXES)
     check_choice("table", table, TABLES)
     check_number("speed", speed, at_least=0.01, at_most=100.0)

@@ -12,7 +12,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.errors import OctoctrlError, check_kind
 
 from ..carrying.results import Execution
 from ..files.writing import check_target, write_text
@@ -65,7 +65,9 @@ def report(runs: Execution | Sequence[Execution], path: str | Path | None = None
     OctoctrlError
         If the suffix is another one, the file exists, or there is no run.
     """
-    chosen = [runs] if isinstance(runs, Execution) else list(runs)
+    chosen: list[Any] = list(runs) if isinstance(runs, list | tuple) else [runs]
+    for run in chosen:
+        check_kind("run", run, Execution, "what oc.execute gives, or oc.load of its file")
     if not chosen:
         raise OctoctrlError("a report needs at least one run; the list is empty")
     if path is None:

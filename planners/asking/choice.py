@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 
+from octoctrl.sim.annotations import settle
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
-from octoctrl.sim.errors import check_choice, check_number
+from octoctrl.sim.errors import check_choice, check_number, check_window
 
-from .shares import Length, Share, resolved
+from .shares import Length, Share, resolved, unresolved
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,8 +32,9 @@ class Choice:
     window: tuple[Length, Length] = (0.0, Share(percent=98.9))
 
     def __post_init__(self) -> None:
-        for name in ("sides", "window"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
+        settle(self)
+        if not unresolved(self.window):
+            check_window("choose", self.window)
         for side in self.sides:
             check_choice("side", side, LONGITUDINAL_GROUPS)
         check_number("most", self.most, at_least=1)

@@ -6,7 +6,7 @@ A class registers itself where it is written. The goals of the folder `goals` ar
 import importlib
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -161,10 +161,14 @@ def goal(quantity: str, **numbers: Any) -> Goal:
 
 
 def _make(what: str, kinds: Mapping[str, type], name: str, numbers: dict[str, Any]) -> Any:
-    if name not in kinds:
+    if not isinstance(name, str) or name not in kinds:
         raise OctoctrlError(f"unknown {what} '{brief(name)}'{suggest(name, kinds)} ({', '.join(kinds)})")
     known = [item.name for item in fields(kinds[name])]
     for key in numbers:
         if key not in known:
             raise OctoctrlError(f"{name} has no '{brief(key)}'{suggest(key, known)} ({', '.join(known)})")
+    needed = [item.name for item in fields(kinds[name]) if item.default is MISSING and item.default_factory is MISSING]
+    missing = [item for item in needed if item not in numbers]
+    if missing:
+        raise OctoctrlError(f"{name} needs {' and '.join(missing)} as well ({', '.join(known)})")
     return kinds[name](**numbers)

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from octoctrl.sim.activation import COMPOSITIONS, Activation
+from octoctrl.sim.activation import COMPOSITIONS, SATURATIONS, Activation
+from octoctrl.sim.annotations import settle
 from octoctrl.sim.errors import OctoctrlError, check_choice, check_number
 
 from ..contracts import Primitive
@@ -34,15 +35,16 @@ class Schedule:
     on_saturation: str = "error"
 
     def __post_init__(self) -> None:
+        settle(self)
         if not self.primitives:
             raise OctoctrlError(
                 f"no primitives given; pass at least one or leave it out for the task's default ({', '.join(primitive_kinds())})"
             )
-        object.__setattr__(self, "primitives", tuple(self.primitives))
         for primitive in self.primitives:
             check_primitive("schedule", primitive)
         check_number("duration", self.duration, above=0.0, unit="s")
         check_choice("composition", self.composition, COMPOSITIONS)
+        check_choice("on_saturation", self.on_saturation, SATURATIONS)
 
     def activation(self) -> Activation:
         """The activation of the whole schedule."""

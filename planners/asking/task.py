@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from octoctrl.sim.annotations import settle
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError, check_number, suggest
 from octoctrl.sim.topology.trace import TopologyConvention
@@ -79,6 +80,7 @@ class Phase:
                     f"phase '{self.name}' lasts {self.longest:g} s at most and is asked to hold {goal}; "
                     "hold it for less or allow a longer phase"
                 )
+        settle(self)
         for first, second in combinations(self.goals, 2):
             if isinstance(first, MeasuredGoal) and isinstance(second, MeasuredGoal) and first.excludes(second):
                 raise OctoctrlError(f"phase '{self.name}' asks for {first} and for {second}; no shape has both, give one of them")
@@ -119,6 +121,7 @@ class Drive:
         _check_name("drive", self.name)
         check_primitive(f"drive '{self.name}'", self.primitive)
         object.__setattr__(self, "free", _several(f"drive '{self.name}': free", self.free))
+        settle(self)
         check_number(f"drive '{self.name}': delay", self.delay, at_least=DELAY_BOUNDS[0], at_most=DELAY_BOUNDS[1], unit="s")
         bounds = self.primitive.bounds() | {"delay": DELAY_BOUNDS}
         for number in self.free:
@@ -202,6 +205,7 @@ class Task:
             object.__setattr__(self, "choose", self.choose or Choice())
         for name in ("phases", "drives"):
             object.__setattr__(self, name, _several(f"task '{self.name}': {name}", getattr(self, name)))
+        settle(self)
         names = [phase.name for phase in self.phases]
         if not names:
             raise OctoctrlError(f"task '{self.name}' has no phases; give at least one")
@@ -249,6 +253,11 @@ class Task:
         OctoctrlError
             If a window lies beyond the arm.
         """
+        for drive in self.drives:
+            try:
+                resolved(drive, arm.length)
+            except OctoctrlError as error:
+                raise OctoctrlError(f"drive '{drive.name}' on an arm of {arm.length:g} m: {error}") from None
         task = resolved(self, arm.length)
         windows = [(f"drive '{drive.name}'", template.window) for drive in task.drives for template in drive.primitive.templates()]
         windows += [

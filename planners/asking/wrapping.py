@@ -4,14 +4,15 @@ A bend towards an azimuth shares its level among the longitudinal muscles by the
 turns, because levels belong to a plant and turns to a plan: a `TwistCurve`, measured on the plant, makes levels of them.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import cos, inf, tau
 from typing import Any, ClassVar
 
 import numpy as np
 
+from octoctrl.sim.annotations import settle
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
-from octoctrl.sim.errors import OctoctrlError, check_number
+from octoctrl.sim.errors import OctoctrlError, check_number, check_numbers
 from octoctrl.sim.templates import Plateau, Template, Wave
 
 from ..contracts import Expression
@@ -49,6 +50,18 @@ def shared_level(azimuth: float, level: float) -> dict[str, float]:
     return {name: share for name, share in shares.items() if share > 1e-9}
 
 
+def _settle(primitive: Any) -> None:
+    """Check the numbers of a primitive, one by one as they are given, and together as soon as the arm is known."""
+    settle(primitive)
+    for item in fields(primitive):
+        value = getattr(primitive, item.name)
+        endless = item.name in ("offset", "lasts", "apex") and isinstance(value, float) and value == inf
+        if item.name != "curve" and not isinstance(value, Share) and not endless:
+            check_number(item.name, value)
+    if not unresolved(primitive):
+        primitive.templates()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Bending:
     """Numbers of what bends towards an azimuth; a subclass shares its level among the muscles of that side in `templates`."""
@@ -57,9 +70,7 @@ class _Bending:
     level: float = 0.25
 
     def __post_init__(self) -> None:
-        check_number("azimuth", self.azimuth, unit="rad")
-        if not unresolved(self):
-            self.templates()
+        _settle(self)
 
     def templates(self) -> tuple[Template, ...]:
         """What each muscle of the side does."""
@@ -176,12 +187,10 @@ class TwistCurve:
     turns: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if (
-            len(self.levels) != len(self.turns)
-            or len(self.levels) < 2
-            or (np.diff(self.levels) <= 0).any()
-            or (np.diff(self.turns) <= 0).any()
-        ):
+        for name in ("levels", "turns"):
+            count = len(self.levels) if isinstance(self.levels, tuple) else 2
+            check_numbers(f"twist curve: {name}", getattr(self, name), max(count, 2), "(0, 0.1)")
+        if (np.diff(self.levels) <= 0).any() or (np.diff(self.turns) <= 0).any():
             raise OctoctrlError(f"twist curve: levels {self.levels} and turns {self.turns} must both rise, two of each at least")
 
     def level(self, turns: float) -> float:
@@ -219,9 +228,7 @@ class StoreTwist:
     curve: TwistCurve | None = None
 
     def __post_init__(self) -> None:
-        check_number("turns", self.turns, unit="turns")
-        if not unresolved(self):
-            self.templates()
+        _settle(self)
 
     @property
     def level(self) -> float:

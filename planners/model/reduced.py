@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from octoctrl.sim.annotations import settle
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
-from octoctrl.sim.errors import OctoctrlError, brief, check_choice, check_number
+from octoctrl.sim.errors import OctoctrlError, brief, check_choice, check_kind, check_number
 from octoctrl.sim.records import Record
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.scene.scene import Scene, Water
@@ -125,6 +126,8 @@ class ReducedModel:
     gains: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
+        settle(self)
+        check_kind("gains", self.gains, Mapping, 'for example {"LM2": 0.5}')
         for group, gain in self.gains.items():
             check_choice("muscle group", group, MUSCLE_GROUPS)
             check_number(f"gain of {group}", gain, at_least=0.0)

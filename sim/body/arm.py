@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..annotations import settle
 from ..errors import OctoctrlError, check_count, check_number
 from .layout import OCTOPUS_MUSCLES, MuscleLayout
 from .muscles import LONGITUDINAL, TRANSVERSE, MuscleLaw
@@ -149,6 +150,7 @@ class Arm:
     lumped: LumpedSection = field(default=LumpedSection())
 
     def __post_init__(self) -> None:
+        settle(self)
         large = _is_number(self.length) and self.length > 0
         metres = f"lengths are SI - did you mean {self.length / 100:.2f} ({self.length:g} cm)?" if large else ""
         check_number("length", self.length, at_least=1e-3, at_most=5.0, unit="m", advice=metres)

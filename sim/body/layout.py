@@ -17,7 +17,8 @@ from math import cos, sin, tau
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import OctoctrlError, check_choice
+from ..annotations import settle
+from ..errors import OctoctrlError, check_choice, check_count, check_number
 
 
 class Family(IntEnum):
@@ -53,6 +54,9 @@ class MuscleGroup:
     hand: int = 0
 
     def __post_init__(self) -> None:
+        settle(self)
+        check_number(f"{self.name}: azimuth", self.azimuth, unit="rad")
+        check_count(f"{self.name}: hand", self.hand, at_least=-1, at_most=1)
         allowed = (1, -1) if self.family is Family.OBLIQUE else (0,)
         if self.hand not in allowed:
             raise OctoctrlError(f"{self.name}: hand={self.hand}; oblique groups have hand 1 or -1, all others 0")
@@ -83,6 +87,7 @@ class MuscleLayout:
     groups: tuple[MuscleGroup, ...]
 
     def __post_init__(self) -> None:
+        settle(self)
         names = self.names
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..contracts import Floats
-from ..errors import OctoctrlError, check_number
+from ..errors import check_number, check_numbers
 
 SARCOMERE_STRESS = 280e3
 """Stress of a fully overlapping sarcomere, Pa (van Leeuwen & Kier 1997)."""
@@ -70,10 +70,8 @@ class MuscleLaw:
 
     def __post_init__(self) -> None:
         for name in ("active", "passive"):
-            if len(getattr(self, name)) != 9:
-                raise OctoctrlError(f"{name} has {len(getattr(self, name))} coefficients; the polynomials of a law have 9")
-            for coefficient in getattr(self, name):
-                check_number(f"coefficient of {name}", coefficient)
+            check_numbers(f"{name}, the coefficients of a law's polynomial,", getattr(self, name), 9, "(1, 0, 0, 0, 0, 0, 0, 0, 0)")
+        check_numbers("range", self.range, 2, "(0.5, 1.5)")
         low, high = self.range
         check_number("begin of range", low, above=0.0, at_most=1.0)
         check_number("end of range", high, at_least=1.0)

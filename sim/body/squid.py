@@ -14,7 +14,7 @@ from math import pi, sin
 import numpy as np
 
 from ..contracts import Floats
-from ..errors import check_number
+from ..errors import check_number, check_numbers
 from .anatomy import Anatomy, Traits, UniformConnections
 from .arm import Arm, touching_radii
 from .grid import AssemblyGrid
@@ -106,6 +106,7 @@ class SquidTentacle(Arm):
         check_number("club_mass", self.club_mass, at_least=0.0, unit="kg")
         check_number("straight_stiffening", self.straight_stiffening, above=0.0)
         for name, least in (("sarcomere", 0.0), ("myosin", BARE_MYOSIN)):
+            check_numbers(name, getattr(self, name), 2, "(1.3e-6, 0.7e-6)")
             for length in getattr(self, name):
                 check_number(name, length, above=least, unit="m")
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..body.arm import Arm
 from ..body.layout import MuscleLayout
 from ..contracts import ActivationSource, Core, Floats, Motion, State
-from ..errors import OctoctrlError, PlantUnstableError, check_number
+from ..errors import OctoctrlError, PlantUnstableError, check_kind, check_number
 from ..findings import Finding
 from ..scene.loads import Load, checked_loads, sampled_loads
 from ..scene.mesh import Mesh
@@ -48,6 +48,8 @@ class Plant:
     """
 
     def __init__(self, core: Core, clock: Clock, *, gains: Mapping[str, float] | None = None, automatic: bool = False) -> None:
+        if gains is not None:
+            check_kind("gains", gains, Mapping, 'for example {"LM2": 0.5}')
         self._core, self._clock, self._gains = core, clock, dict(gains or {})
         self._factors = _factors(self._gains, core.arm.layout)
         edges = core.partitions["arm"]

@@ -14,8 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
+from ..annotations import settle
 from ..contracts import Floats
-from ..errors import OctoctrlError, check_number
+from ..errors import OctoctrlError, check_number, check_window
 
 Vector = tuple[float, float, float]
 Varying = Vector | Callable[[float], Sequence[float]]
@@ -105,8 +106,7 @@ class SpreadLoad:
     follower: bool = False
 
     def __post_init__(self) -> None:
-        if not self.window[0] < self.window[1]:
-            raise OctoctrlError(f"load: window {self.window} m: the begin must lie before the end")
+        check_window("load", self.window)
         _settle(self)
 
     def add_to(self, total: Floats, times: Floats, edges: Floats) -> None:
@@ -161,7 +161,8 @@ def sampled_loads(loads: Sequence[Load], times: Floats, edges: Floats) -> Floats
 
 
 def _settle(load: PointLoad | SpreadLoad) -> None:
-    """Check the vectors of a load and keep them as tuples."""
+    """Check the fields of a load and keep its vectors as tuples."""
+    settle(load)
     for name in ("force", "torque"):
         value = getattr(load, name)
         if not callable(value):
@@ -171,7 +172,7 @@ def _settle(load: PointLoad | SpreadLoad) -> None:
 def _vector(name: str, value: object) -> Floats:
     try:
         vector = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         vector = np.empty(0)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise OctoctrlError(f"load: {name} is {value!r}; three finite numbers are needed, or a function of time that gives them")

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import OctoctrlError, brief, check_count
+from ..errors import OctoctrlError, brief, check_count, check_kind
 from .objects import RigidObject
 from .supports import Vector
 from .triangles import check_closed, enclosed
@@ -43,6 +43,7 @@ class Mesh(RigidObject):
     kind: ClassVar[int] = 5
 
     def __post_init__(self) -> None:
+        check_kind("principal", self.principal, bool)
         name = f"object '{self.name}'"
         object.__setattr__(self, "vertices", _rows(f"{name}: vertices", self.vertices, float))
         object.__setattr__(self, "triangles", _rows(f"{name}: triangles", self.triangles, int))
@@ -140,7 +141,7 @@ def _rows(what: str, values: Any, kind: type) -> tuple[Any, ...]:
     words = "three finite numbers, m" if kind is float else "three whole numbers"
     try:
         found = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise OctoctrlError(f"{what} is {brief(values)}; give rows of {words}") from None
     if found.ndim != 2 or found.shape[1] != 3 or not np.isfinite(found).all() or (kind is int and (found != np.round(found)).any()):
         raise OctoctrlError(f"{what} has the shape {found.shape} or a number that does not fit; give rows of {words}")

@@ -5,7 +5,6 @@ complete when constructed.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf, pi, sqrt
 from typing import Any, ClassVar
@@ -13,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..annotations import settle
 from ..errors import OctoctrlError, brief, check_number
 from .supports import Fixed, Free, Push, Springs, Support, Vector, check_pair, check_vector
 
@@ -102,8 +102,7 @@ class RigidObject(ABC):
         if self.movable and self.weight is None:
             raise OctoctrlError(f"object '{self.name}' can move but has no mass; give mass or density")
         object.__setattr__(self, "pushes", several(self.pushes))
-        if not all(isinstance(push, Push) for push in self.pushes):
-            raise OctoctrlError(f"object '{self.name}': pushes is {brief(self.pushes)}; give a tuple of Push(force=...)")
+        settle(self)
         if self.pushes and not self.movable:
             raise OctoctrlError(f"object '{self.name}' is pushed but cannot move; use support Free() or Springs()")
 
@@ -326,4 +325,4 @@ def frame_of(item: RigidObject) -> Floats:
 
 def several(value: Any) -> tuple[Any, ...]:
     """What was given as a tuple, also if it is one thing or nothing that can be gone through."""
-    return tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else (value,)
+    return tuple(value) if isinstance(value, tuple | list) else (value,)

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from ..errors import OctoctrlError, brief, check_number
+from ..annotations import settle
+from ..errors import check_number
 from .loads import Load, PointLoad, SpreadLoad, checked_loads
 from .objects import RigidObject
 from .shapes import checked_objects
@@ -70,8 +71,7 @@ class Scene:
     def __post_init__(self) -> None:
         object.__setattr__(self, "loads", checked_loads(self.loads))
         object.__setattr__(self, "objects", checked_objects(self.objects))
-        if not isinstance(self.self_contact, bool):
-            raise OctoctrlError(f"self_contact is {brief(self.self_contact)}; True or False is needed")
+        settle(self)
 
     @classmethod
     def free(cls, *, loads: tuple[Load, ...] = (), **water: float) -> "Scene":

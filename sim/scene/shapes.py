@@ -1,7 +1,5 @@
 """All shapes that an object may have."""
 
-from collections.abc import Iterable
-
 from ..errors import OctoctrlError, brief
 from .mesh import Mesh
 from .objects import Box, Capsule, Cylinder, Plane, RigidObject, Sphere, several
@@ -10,7 +8,7 @@ SHAPES: dict[str, type[RigidObject]] = {kind.__name__.lower(): kind for kind in 
 """Shapes by the name that a task file gives them."""
 
 
-def checked_objects(objects: Iterable[RigidObject]) -> tuple[RigidObject, ...]:
+def checked_objects(objects: object) -> tuple[RigidObject, ...]:
     """Check the objects of a scene.
 
     Raises

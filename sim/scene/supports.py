@@ -1,9 +1,9 @@
 """How an object is held, and what pushes it besides the arm."""
 
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 
-from ..errors import OctoctrlError, brief, check_number
+from ..errors import check_number, check_numbers
 
 Vector = tuple[float, float, float]
 
@@ -16,8 +16,7 @@ def check_vector(name: str, value: object) -> None:
     OctoctrlError
         If `value` is anything else.
     """
-    if not _numbers(value, 3):
-        raise OctoctrlError(f"{name} is {brief(value)}; three finite numbers are needed, such as (0, 0.04, 0)")
+    check_numbers(name, value, 3, "(0, 0.04, 0)")
 
 
 def check_pair(name: str, value: object, example: str) -> None:
@@ -28,14 +27,7 @@ def check_pair(name: str, value: object, example: str) -> None:
     OctoctrlError
         If `value` is anything else.
     """
-    if not _numbers(value, 2):
-        raise OctoctrlError(f"{name} is {brief(value)}; two finite numbers are needed, such as {example}")
-
-
-def _numbers(value: object, count: int) -> bool:
-    if not isinstance(value, tuple | list) or len(value) != count:
-        return False
-    return all(isinstance(part, int | float) and not isinstance(part, bool) and isfinite(part) for part in value)
+    check_numbers(name, value, 2, example)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,5 +121,5 @@ class Push:
     def __post_init__(self) -> None:
         check_vector("push: force", self.force)
         check_number("push: since", self.since, at_least=0.0, unit="s")
-        if self.until != inf:
+        if not (isinstance(self.until, float) and self.until == inf):
             check_number("push: until", self.until, above=self.since, unit="s")

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..annotations import settle
 from ..errors import OctoctrlError
 from ..records import Record
 from .inputs import BACKWARD, Floats, numbers, point_series
@@ -49,6 +50,7 @@ class Centreline(Record):
     markers: Floats | None = None
 
     def __post_init__(self) -> None:
+        settle(self)
         series, _ = point_series(self.points)
         time = np.atleast_1d(numbers("time", self.time))
         if self.points.ndim != 3 or series.shape[1] < LEAST_POINTS:
@@ -59,8 +61,8 @@ class Centreline(Record):
             raise OctoctrlError(
                 f"time has shape {time.shape} for {len(series)} instants, or does not increase; one later value per instant is needed"
             )
-        if self.markers is not None and numbers("markers", self.markers).shape != series.shape:
-            raise OctoctrlError(f"markers has shape {self.markers.shape}, points {series.shape}; one marker beside each point is needed")
+        if self.markers is not None and (found := numbers("markers", self.markers).shape) != series.shape:
+            raise OctoctrlError(f"markers has shape {found}, points {series.shape}; one marker beside each point is needed")
 
     @property
     def length(self) -> Floats:

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from octoctrl.sim.errors import check_number
+
 from ...contracts import Floats
 from ..registry import register_goal
 from .recorded import RecordedOutputs
@@ -32,6 +34,10 @@ class FacingGoal(TouchingGoal):
     unit: ClassVar[str] = ""
     azimuth: float = 0.0
     tolerance: float = 0.1
+
+    def __post_init__(self) -> None:
+        TouchingGoal.__post_init__(self)
+        check_number("azimuth", self.azimuth, unit="rad")
 
     def measured(self, hold: "Hold", outputs: RecordedOutputs) -> Floats:
         """The cosine for the `hold`, (T,), with frames and stations of the `outputs`."""

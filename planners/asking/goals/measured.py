@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from octoctrl.sim.annotations import settle
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.errors import OctoctrlError, check_number
+from octoctrl.sim.errors import OctoctrlError, check_number, check_window
 from octoctrl.sim.running.recording import Recording
-from octoctrl.sim.templates import check_window
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ...contracts import Expression, Floats, Outputs, Reach, When
@@ -41,6 +41,7 @@ class MeasuredGoal:
     hold: float = 0.0
 
     def __post_init__(self) -> None:
+        settle(self)
         check_number("tolerance", self.tolerance, above=0.0)
         check_number("hold", self.hold, at_least=0.0, unit="s")
         if not isinstance(self.when, When):
