@@ -3,6 +3,7 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from conftest import ROOT
 
@@ -11,8 +12,9 @@ from octoctrl.carrying import calibrating, searching
 from octoctrl.carrying.adapting import adapted
 from octoctrl.carrying.checking import Programme
 from octoctrl.planners.asking.goals.gap import GapGoal
+from octoctrl.planners.asking.goals.length import LengthGoal
 from octoctrl.planners.asking.goals.twist import TwistGoal
-from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing
+from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve
 from octoctrl.planners.solving.grasping import check_objects, held_at_the_end, is_simulated, objects_held, too_short
 from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.planners.solving.scenarios import PLANNED, Scenario
@@ -21,6 +23,7 @@ from octoctrl.sim.scene.objects import Capsule
 
 ARM = oc.Arm.octopus()
 POST = Capsule(name="post", radius=8e-3, length=0.08, position=(-0.022, 0.06, -0.01), axis=(0, 0.5, 1))
+CURVE = TwistCurve(levels=(0.0, 0.1, 0.3), turns=(0.0, 2.0, 4.0))
 
 
 def test_the_crevice_is_a_task_of_this_scene():
@@ -80,10 +83,56 @@ def test_turns_are_chosen_on_the_plant_whose_curve_promised_too_many():
     primitives = tuple(drive.at(stage.begins, {}) for drive in drives)
     programme = Programme(task, numbers, primitives, stage.run_through(primitives))
     with ThreadPoolExecutor(1) as executor:
-        found, said = adapted(programme, wrong, "rod", executor, searching.NullProgress())
-        as_promised, saying = adapted(programme, true, "rod", executor, searching.NullProgress())
+        (found,), said = adapted([programme], wrong, "rod", executor, searching.NullProgress())
+        (as_promised,), saying = adapted([programme], true, "rod", executor, searching.NullProgress())
     assert found.numbers == numbers | {"twist.turns": pytest.approx(0.36)} and found.primitives[1].turns == pytest.approx(0.36)
-    assert found.primitives[0] == primitives[0] and said == ["phase 'twist' on the plant 'rod', 6 trials: twist.turns 0.36"]
+    assert found.primitives[0] == primitives[0] and said == ["phase 'twist' on the plant 'rod', 5 trials: twist.turns 0.36"]
     assert as_promised.numbers == numbers and saying == ["phase 'twist' on the plant 'rod', 1 trial: twist.turns 0.3"]
     fixed = replace(programme, task=replace(task, drives=(drives[0], replace(drives[1], free=("stop",)))))
-    assert adapted(fixed, wrong, "rod", None, None) == (fixed, [])
+    assert adapted([fixed], wrong, "rod", None, None) == ([fixed], [])
+
+
+def two_ways_to_shorten(goal):
+    """A task of one phase that ends at a length, and programmes for it with these levels."""
+    phase = oc.Phase(name="shorten", duration=1.5, goals=(goal,))
+    drive = oc.Drive(name="shorten", primitive=oc.Shorten(level=0.1, rise=0.5, window=(0.0, 0.1)), begins="shorten", free=("level", "rise"))
+    task = oc.Task(name="shortened", phases=(phase,), drives=(drive,))
+    work = searching.Work(ARM, oc.Scene(water=oc.Water()), None, searching.NullProgress(), 1.0, 0)
+    stage = searching._stage(task, (phase,), (), work, (PLANNED,), (None,), calibrating.twist_curve(ARM, oc.Water(), "rod"))
+
+    def programme(level):
+        primitives = (drive.at(stage.begins, {"level": level, "rise": 0.5}),)
+        return Programme(task, {"shorten.level": level, "shorten.rise": 0.5}, primitives, stage.run_through(primitives))
+
+    return stage, programme
+
+
+def length_at(level):
+    """Of the rod that is shortened at this level, m."""
+    stage, _ = two_ways_to_shorten(LengthGoal(value=0.19))
+    recording, _ = stage.run(np.array([level, 0.5]), 0)
+    return float(recording.length[-1])
+
+
+def test_shortening_is_chosen_on_the_plant_and_the_next_candidate_follows_where_it_does_not_help():
+    """Three steps of a tenth after the first are not enough for the first candidate; the second needs one, and goes before it."""
+    _, programme = two_ways_to_shorten(LengthGoal(value=length_at(0.22), tolerance=1e-4))
+    with ThreadPoolExecutor(1) as executor:
+        found, said = adapted([programme(0.1), programme(0.2), programme(0.25)], CURVE, "rod", executor, searching.NullProgress())
+    assert [item.primitives[0].level for item in found] == pytest.approx([0.22, 0.13, 0.25])
+    assert [item.numbers for item in found[:2]] == [{"shorten.level": pytest.approx(level), "shorten.rise": 0.5} for level in (0.22, 0.13)]
+    assert said == [
+        "phase 'shorten' on the plant 'rod', 6 trials: shorten.level 0.13",
+        "phase 'shorten' on the plant 'rod', 4 trials: shorten.level 0.22",
+    ]
+
+
+def test_a_trial_meets_its_goals_only_if_numbers_that_are_hardly_others_meet_them():
+    """One level is right by a thousandth of a millimetre, one by two millimetres: some hardly others than the former are not."""
+    asked = length_at(0.2)
+    for inside, sure in ((1e-6, False), (2e-3, True)):
+        stage, _ = two_ways_to_shorten(LengthGoal(at_most=asked - 1e-3 + inside, tolerance=1e-3))
+        x = np.array([0.2, 0.5])
+        assert replace(stage, neighbours=0)(x).met
+        judged = replace(stage, neighbours=4)(x)
+        assert judged.met is sure and (judged.runs == 6) is sure

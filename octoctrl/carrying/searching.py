@@ -53,6 +53,9 @@ SETTLING = 2
 LOOKS = 14
 """Instants at which the way of a programme is looked at in free water."""
 
+NEIGHBOURS = 2
+"""Of a trial of one phase of several, that must meet the goals too: run from rest, a phase begins from nearly the same state only."""
+
 CANDIDATES, APART = 3, 0.6
 """Candidates that are checked on the plant, and how far apart they lie, in first spreads."""
 
@@ -181,7 +184,7 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
         task = grasp_drives(task, work.arm, work.scene).on(work.arm)
     together = at_once(task)
     for index, phases in enumerate(together):
-        stage = _stage(task, phases, settled, work, scenarios, states, curve, quick=len(together) == 1)
+        stage = _stage(task, phases, settled, work, scenarios, states, curve, alone=len(together) == 1)
         last, said, tries = _search_phase(stage, work, index, {} if index else region)
         tried += said
         count += tries
@@ -202,12 +205,12 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
 
 
 def _on_the_plant(found: Findings, curve: TwistCurve, plant: str, work: Work) -> Findings:
-    """What was `found`, the first programme with the turns that suit a `plant` whose `curve` is given."""
+    """What was `found`, with the turns and the shortening that suit a `plant` whose `curve` is given."""
     try:
-        programme, said = adapted(found.programmes[0], curve, plant, work.executor, work.progress)
+        programmes, said = adapted(found.programmes, curve, plant, work.executor, work.progress)
     except PlantUnstableError as error:
-        return replace(found, tried=(*found.tried, f"turns were not chosen on the plant '{plant}': {error}"))
-    return replace(found, programmes=[programme, *found.programmes[1:]], tried=(*found.tried, *said))
+        return replace(found, tried=(*found.tried, f"nothing was chosen on the plant '{plant}': {error}"))
+    return replace(found, programmes=programmes, tried=(*found.tried, *said))
 
 
 def _in_order(task: Task, primitives: Sequence[Primitive]) -> tuple[Primitive, ...]:
@@ -240,7 +243,7 @@ def _stage(
     scenarios: tuple[Scenario, ...],
     states: tuple[State | None, ...],
     curve: TwistCurve,
-    quick: bool = False,
+    alone: bool = False,
 ) -> Stage:
     # Phase by phase, for that is the order in which their primitives are known again.
     drives: tuple[Drive, ...] = tuple(drive for phase in phases for drive in task.drives if drive.begins == phase.name)
@@ -248,7 +251,7 @@ def _stage(
     return Stage(
         task=task, phases=phases, begins=begins_of(task), drives=drives, settled=settled, arm=work.arm, scene=work.scene,
         held=frozenset(objects_held(task)), scenarios=scenarios, states=states, plant=SEARCHED_ON, curve=curve,
-        spread=work.spread, hopeless=HOPELESS * (1 + 0.5 * max(goals - 1, 0)), quick=quick,
+        spread=work.spread, hopeless=HOPELESS * (1 + 0.5 * max(goals - 1, 0)), quick=alone, neighbours=0 if alone else NEIGHBOURS,
     )  # fmt: skip
 
 
