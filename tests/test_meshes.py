@@ -178,6 +178,18 @@ def test_a_run_goes_on_bit_by_bit_with_it(stone, tmp_path):
     assert loaded == rest and loaded.meshes == {"post": stone}
 
 
+def test_a_state_belongs_to_one_surface(tmp_path):
+    near, far = (
+        box(name="stone", position=(0.1, 0.1, 0.0)),
+        of(trimesh.creation.icosphere(subdivisions=1, radius=0.01), position=(0.1, 0.1, 0.0)),
+    )
+    assert "12 triangles" in repr(near) and len(repr(near)) < 400
+    plant(near).save(tmp_path / "state.npz")
+    with pytest.raises(oc.OctoctrlError, match="objects"):
+        plant(far).load(tmp_path / "state.npz")
+    plant(near).load(tmp_path / "state.npz")
+
+
 def test_its_picture_has_flat_faces_that_look_outwards():
     vertices, normals, triangles = picture(box(), 0.2)
     assert vertices.shape == normals.shape == (36, 3) and triangles.shape == (12, 3)

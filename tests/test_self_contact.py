@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import octoctrl as oc
+from octoctrl.sim.assembly.contact_kernels import section_surface
+from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.contact.fold_kernels import fold_sweeps
 from octoctrl.sim.contact.folds import APART
 from octoctrl.sim.errors import OctoctrlError
@@ -121,9 +123,81 @@ def test_an_impulse_keeps_momentum_and_is_what_the_law_says():
     assert note(folds, 0, h, 1) and folds.notes[0, 2] > 5 and not folds.sums.any()
 
 
+FIST = oc.Activation(templates=(oc.Plateau(groups=("LM7", "LM8", "LM1"), level=0.6, rise=0.1, window=(0.12, 0.2)),))
+
+
+def full_arm(on=True, **options):
+    return oc.make_plant("assembly-coarse-mixed", ARM, oc.Scene(self_contact=on), **options)
+
+
+def nearest(recording):
+    """As `closest`, of the nodes of the cord, with radii at rest."""
+    along = np.linspace(0.0, ARM.length, recording.points.shape[1])
+    radius = np.asarray(ARM.section(along).outer_radius)
+    apart = np.abs(along[:, None] - along) > APART * (radius[:, None] + radius)
+    distance = np.linalg.norm(recording.points[:, :, None] - recording.points[:, None], axis=3) / (radius[:, None] + radius)
+    return distance[:, apart].min()
+
+
+def test_the_full_arm_keeps_its_laps_apart_and_goes_on_bit_by_bit():
+    made = full_arm()
+    first = made.advance(FIST, 0.6)
+    state = made.state()
+    second = made.advance(FIST, 0.2)
+    assert nearest(full_arm(on=False).advance(FIST, 0.8)) < 0.9
+    assert min(nearest(first), nearest(second)) > 0.99
+    force, deepest, loaded = np.concatenate([first.series[SELF_CONTACT], second.series[SELF_CONTACT]]).T
+    assert deepest.max() < 0.02 * RADIUS[0] and force.max() > 5e-3 and loaded.max() >= 1
+    again = full_arm()
+    again.restore(state)
+    np.testing.assert_array_equal(again.advance(FIST, 0.2).points[-1], second.points[-1])
+    assert made.identity()["self_contact"] and "self_contact" not in full_arm(on=False).identity()
+
+
+def test_sections_of_the_full_arm_keep_momentum_and_give_way_as_wholes():
+    """A hairpin of cord and muscles whose legs lie in each other and move at random."""
+    core, h = full_arm().core, 7e-5
+    rods, folds, rng = core.rods, core._folds.with_room(1), np.random.default_rng(4)
+    place, speed, mobility = (range(R.X1, R.X1 + 3), range(R.V1, R.V1 + 3), R.NODE_MOBILITY)
+    count = folds.points.radius.size
+    along, turn = np.linspace(0.0, ARM.length, count), 0.12
+    hairpin = np.stack([np.where(along > turn, 0.008, 0.0), np.minimum(along, 2 * turn - along), np.zeros(count)], axis=1)
+    shape = rods.straight(R.X1, nodes=True).shape
+    offsets = np.stack([rods.straight(row, nodes=True) - [0.0, along][row == R.X1 + 1] for row in place])
+    mass = rng.uniform(1e-5, 3e-5, shape)
+    for axis, (x, v) in enumerate(zip(place, speed, strict=True)):
+        rods.straight(x, nodes=True)[:] = hairpin[:, axis] + offsets[axis]
+        rods.straight(R.LOW1 + axis, nodes=True)[:] = 0.0
+        rods.straight(v, nodes=True)[:] = rng.normal(scale=0.1, size=shape)
+    rods.straight(mobility, nodes=True)[:] = h / mass
+    mass = h / rods.straight(mobility, nodes=True).astype(float)
+    before = np.stack([rods.straight(v, nodes=True) for v in speed], axis=2).astype(float)
+    watch, part, note = fold_sweeps(section_surface(core.grid))
+    watch(rods.flat, folds, 1e-3)
+    part(rods.flat, folds, h)
+    after = np.stack([rods.straight(v, nodes=True) for v in speed], axis=2).astype(float)
+    places = np.stack([rods.straight(x, nodes=True) for x in place], axis=2).astype(float)
+    gained = mass[:, :, None] * (after - before)
+    size = np.abs(gained).max()
+    assert size > 1e-7 and np.abs(gained.sum(axis=(0, 1))).max() < 1e-4 * size, "in single precision"
+    assert np.abs(np.cross(places, gained).sum(axis=(0, 1))).max() < 1e-4 * size
+    kicks = after - before
+    assert np.abs(kicks - kicks.mean(axis=0)).max() < 1e-4 * np.abs(kicks).max(), "all rods of a section alike"
+    note(folds, 0, h, 1)
+    assert folds.notes[0, 2] > 5 and not folds.sums.any()
+
+
+@pytest.mark.slow
+def test_two_threads_fold_the_full_arm_as_one_does():
+    runs = [full_arm(threads=threads).advance(FIST, 0.45) for threads in (1, 2)]
+    assert runs[0].series[SELF_CONTACT].any()
+    np.testing.assert_array_equal(runs[0].points, runs[1].points)
+    np.testing.assert_array_equal(runs[0].series[SELF_CONTACT], runs[1].series[SELF_CONTACT])
+
+
 def test_what_cannot_be_is_refused_in_one_sentence():
-    with pytest.raises(OctoctrlError, match="the full arm does not touch itself yet; leave self_contact out, or take the plant 'rod'"):
+    with pytest.raises(OctoctrlError, match="the published arm does not touch itself; leave self_contact or paper_compatible out"):
         # Before anything is built: a pitch that fits no ring would be found then.
-        oc.make_plant("assembly", oc.Arm.octopus(oblique_pitch=0.0123), oc.Scene(self_contact=True))
+        oc.make_plant("assembly", oc.Arm.octopus(oblique_pitch=0.0123), oc.Scene(self_contact=True), paper_compatible=True)
     with pytest.raises(OctoctrlError, match="self_contact is yes; True or False is needed"):
         oc.Scene(self_contact="yes")

@@ -175,7 +175,8 @@ def test_halves_hold_the_arm_and_give_it_back():
 
 
 def test_places_in_halves_are_those_of_the_arm():
-    core = AssemblyCore(Arm.octopus(), Scene(objects=(Sphere(name="ball", radius=0.01, position=(0.1, 0.1, 0.0)),)), ring_nodes=8)
+    ball = Sphere(name="ball", radius=0.01, position=(0.1, 0.1, 0.0))
+    core = AssemblyCore(Arm.octopus(), Scene(objects=(ball,), self_contact=True), ring_nodes=8)
     rods, memory, straight = core.rods, Halves(core.rods, core.geometry), core.grid.straight_rods
     rods.open_rods[R.X1], rods.rings[R.X1] = np.arange(rods.open_rods.shape[1]), np.arange(rods.rings.shape[1])
     lanes = memory.grid.lanes
@@ -187,8 +188,8 @@ def test_places_in_halves_are_those_of_the_arm():
             for family, places in ((0, 3 * lanes + own), (0, (straight + 4) * lanes + along), (1, 7 * lanes + own)):
                 values = (buffer.rings if family else buffer.open_rods)[R.X1]
                 assert [memory.where(family, int(place), part) for place in places] == values[places].tolist()
-        points = memory.world(core._around.world).points.place
-        assert np.array_equal(memory.workers[0][0][points], core._around.points.place)
+        for points in (core._around.points, core._folds.points):
+            assert np.array_equal(memory.workers[0][0][memory.points(points).place], points.place)
 
 
 @pytest.mark.parametrize("precision", ["mixed", pytest.param("double", marks=pytest.mark.slow)])

@@ -27,7 +27,7 @@ from ..rotations import orthonormalised
 from ..running.clock import Clock, StepLimit
 from ..scene.loads import TORQUE, TWIST
 from ..scene.objects import Capsule
-from ..scene.scene import Scene
+from ..scene.scene import SELF_CONTACT, Scene
 from .buffer import fill_parameters, new_assembly, set_filter_masks, set_rest
 from .constants import fibre_laws, slab_volumes, thin_ring_limit
 from .diagnosis import cause
@@ -36,7 +36,7 @@ from .geometry import assembly_geometry, assembly_grid
 from .halves import Halves, OneMemory
 from .layout import AssemblyRow, SlabRow, SpokeRow
 from .meeting_kernels import cores, together
-from .surroundings import surroundings_of
+from .surroundings import folds_of, surroundings_of
 from .terms import Step
 
 DEFAULT_SHARE, LARGEST_SHARE = 0.82, 0.93
@@ -61,6 +61,7 @@ def compiled(
     traits: Traits = PLAIN,
     loaded: bool = False,
     touching: bool = False,
+    folding: bool = False,
 ) -> tuple[Callable[..., Any], tuple[Any, ...]]:
     """The compiled loop of an assembly and its terms, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
     from .contact_kernels import contact_kernels
@@ -72,8 +73,8 @@ def compiled(
     if published:
         phases, watching = published_terms(grid, traits, inclination, loaded, touching), published_contact_kernels
     else:
-        phases, watching = hydrostat_terms(grid, traits, loaded, touching), contact_kernels
-    return assembly_stepper(grid, phases, loaded, watching(grid)[0] if touching else None)
+        phases, watching = hydrostat_terms(grid, traits, loaded, touching, folding), contact_kernels
+    return assembly_stepper(grid, phases, loaded, watching(grid)[0] if touching else None, folding)
 
 
 def _at_spokes(levels: Floats, spokes: int) -> Floats:
@@ -150,8 +151,8 @@ class AssemblyCore:
     ) -> None:
         self.arm, self.scene, self.paper_compatible = arm, scene, paper_compatible
         anatomy = arm.anatomy
-        if scene.self_contact:
-            raise OctoctrlError("the full arm does not touch itself yet; leave self_contact out, or take the plant 'rod'")
+        if paper_compatible and scene.self_contact:
+            raise OctoctrlError("the published arm does not touch itself; leave self_contact or paper_compatible out")
         other = next((item for item in scene.objects if not isinstance(item, Capsule)), None)
         if paper_compatible and other is not None:
             raise OctoctrlError(f"the published contact knows capsules only (found '{other.name}'); leave it or paper_compatible out")
@@ -197,7 +198,7 @@ class AssemblyCore:
         centre = MIDDLE if self.grid.single else 0.0
         laws = fibre_laws(arm, paper_compatible)
         self._laws = tuple(law_constants(law, viscosity=anatomy.viscosity, centre=centre) for law in laws)
-        self._around = surroundings_of(arm, scene, self.geometry)
+        self._around, self._folds = surroundings_of(arm, scene, self.geometry), folds_of(arm, scene, self.geometry)
         self.rest()
 
     @property
@@ -223,6 +224,7 @@ class AssemblyCore:
         set_rest(self.rods, self.geometry)
         if self._around is not None:
             self._around.rest()
+        self._folded = np.zeros(3)
 
     def shape(self) -> tuple[Floats, Floats, Floats]:
         """Points, frames and stretch of the nerve cord now."""
@@ -235,10 +237,13 @@ class AssemblyCore:
         return orthonormalised(frames) if self.grid.single else frames
 
     def series(self) -> State:
-        """Volume inside the rings over that at rest: ``volume`` of the whole, ``slab_volume`` of each slab (N,); each object's `Touch`."""
+        """Volume inside the rings over that at rest: ``volume`` of the whole, ``slab_volume`` of each slab (N,); each object's `Touch`; of
+        the arm on itself, see `octoctrl.sim.contact.folds.Folds.notes`.
+        """
         series = self._volumes(connections_of(self.arm, self.geometry, self.rods).volumes()[None])
         touched = {} if self._around is None else self._around.now()
-        return {name: values[0] for name, values in series.items()} | touched
+        folded = {} if self._folds is None else {SELF_CONTACT: self._folded.copy()}
+        return {name: values[0] for name, values in series.items()} | touched | folded
 
     def _volumes(self, volumes: Floats) -> dict[str, Floats]:
         rest = slab_volumes(self.geometry)
@@ -321,6 +326,7 @@ class AssemblyCore:
         longitudinal, oblique, transverse = self._levels(inputs, clock.instants(first, samples))
         around = self._around
         world: Any = () if around is None else around.world.with_room(samples, strict=not watch)
+        folds: Any = () if self._folds is None else self._folds.with_room(samples, strict=not watch)
         memory = self._memory
         with BUILDING:
             advance, terms = compiled(
@@ -330,15 +336,17 @@ class AssemblyCore:
                 self.arm.anatomy.traits,
                 loads is not None,
                 around is not None,
+                self._folds is not None,
             )
         if self.paper_compatible:
             set_filter_masks(rods)
         constants = self._rounded(self._h), self._rounded(self._laws), self._rounded(self._drag)
         carried, shares, outside = self._carried(loads)
         levels, shape = (longitudinal, oblique, transverse), (points, frames, stretch, volumes)
+        there, folded = (item and item._replace(points=memory.points(item.points)) for item in (world, folds))
         jobs = []
         for flat, index, crew in memory.workers:
-            step = Step(*constants, *index, outside, memory.world(world))
+            step = Step(*constants, *index, outside, there, folded)
             called = by_address(terms, flat, flat[0], step, crew.part)
             jobs.append((flat, step, called, clock.steps, *levels, *shape, carried, shares, watch, crew))
         with memory.lent():
@@ -347,6 +355,8 @@ class AssemblyCore:
         series = self._volumes(volumes[:done])
         if around is not None:
             series |= {name: values[:done] for name, values in around.series(world).items()}
+        if self._folds is not None:
+            series[SELF_CONTACT], self._folded = folds.notes[:done], folds.notes[done - 1] if done else self._folded
         return Motion(points[:done], self._told(frames[:done]), stretch[:done], series, Finding(finding), rod, element)
 
     def _rounded(self, numbers: Any) -> Any:
@@ -433,7 +443,8 @@ class AssemblyCore:
         """Copies of the rows that hold the motion."""
         open_rods, rings = self.rods.state()
         motion = {"open_rods": open_rods, "rings": rings}
-        return motion if self._around is None else motion | self._around.state()
+        motion = motion if self._around is None else motion | self._around.state()
+        return motion if self._folds is None else motion | {SELF_CONTACT: self._folded.copy()}
 
     def restore(self, state: State) -> None:
         """Write back what `state` returned, and clear what a diverged step may have left."""
@@ -441,9 +452,12 @@ class AssemblyCore:
         self._memory.renew()
         if self._around is not None:
             self._around.restore(state)
+        if self._folds is not None:
+            self._folded = np.array(state[SELF_CONTACT])
 
     def identity(self) -> dict[str, Any]:
         """What a saved state must share."""
         known = {"elements": self.elements, "ring_nodes": self.grid.ring_nodes, "resting_tone": self.resting_tone}
         known |= {"taut": True} if self.taut else {}
+        known |= {"self_contact": True} if self.scene.self_contact else {}
         return known | {"objects": repr(self.scene.objects)}

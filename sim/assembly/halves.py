@@ -123,9 +123,9 @@ class OneMemory:
         """What is done within is done to the arm."""
         yield
 
-    def world(self, world: Any) -> Any:
-        """`world` with its points where they stand in the first worker's memory."""
-        return world
+    def points(self, points: Any) -> Any:
+        """Points of the arm with their places in the first worker's memory."""
+        return points
 
     def where(self, family: int, place: int, part: int) -> int:
         """Index in a row of the arm's buffer of what stands at a `place` of a part's: of an open rod (family 0) or a ring."""
@@ -185,16 +185,18 @@ class Halves:
             for (whole_arm, wide), (half, _) in pairs[:RODS] if state else pairs:
                 yield whole_arm[..., wide * int(part.before) :], half, slice(wide * int(part.start), wide * int(part.stop))
 
-    def world(self, world: Any) -> Any:
-        """`world` with its points where they stand in the first worker's memory."""
-        if not world:
-            return world
-        grid, place = self._rods.grid, np.asarray(world.points.place, dtype=np.int64)
-        first, wide = grid.straight_rods, grid.helix_nodes
-        helix, along = np.divmod(place - first * grid.lanes, wide * grid.lanes)
+    def points(self, points: Any) -> Any:
+        """Points of the arm with their places in the first worker's memory."""
+        grid, place = self._rods.grid, np.asarray(points.place, dtype=np.int64)
+        first = grid.straight_rods
+        slot, lane = np.divmod(place, grid.lanes)
+        helix, late = np.divmod(slot - first, grid.helix_nodes)
+        # A helix has as many slots, one after the other, as it has nodes from ring to ring.
+        wide = np.where(slot < first, 1, grid.helix_nodes)
+        start, along = np.where(slot < first, slot, first + grid.helix_nodes * helix), np.where(slot < first, 0, late) * grid.lanes + lane
         half = (along >= wide * grid.middle).astype(int)
-        there = (first + wide * helix) * self.grid.lanes + along - wide * self._before[half]
-        return world._replace(points=world.points._replace(place=(there + half * self._size).astype(np.uint64)))
+        there = start * self.grid.lanes + along - wide * self._before[half]
+        return points._replace(place=(there + half * self._size).astype(np.uint64))
 
     def where(self, family: int, place: int, part: int) -> int:
         """Index in a row of the arm's buffer of what stands at a `place` of a part's: of an open rod (family 0) or a ring."""

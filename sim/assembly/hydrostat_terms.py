@@ -12,7 +12,7 @@ from ..compiler import kernel
 from ..contact.body_kernels import kick_bodies
 from ..contact.near_kernels import CLOSE, MEETING, MOVES
 from ..contact.pair_kernels import meet
-from .contact_kernels import contact_kernels
+from .contact_kernels import contact_kernels, fold_kernels
 from .family_kernels import cord_brake, family_kernels, family_offsets, ring_solver, ring_spin_brake
 from .halves import Stage
 from .joint_kernels import RESULTS, load_kernels, ring_joints
@@ -31,7 +31,7 @@ CORD_SLIP_RATE = 300.0
 """Rate (1/s) at which the nerve cord loses its velocity relative to the muscles around it: about critical for their springs."""
 
 
-def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, touching: bool = False) -> Phases:
+def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, touching: bool = False, folding: bool = False) -> Phases:
     """Terms of the default numerics: joints with a potential, slabs that keep their volume, implicit muscle viscosity."""
     gather, (cord, neighbours), (ring_muscle, ring_ring) = gather_kernel(grid, False), side_kernels(grid, False), ring_joints(grid)
     beside, collect, (load, hand_on) = beside_kernel(grid, False), collect_kernel(grid, RESULTS), load_kernels(grid)
@@ -99,7 +99,7 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, to
     def project_muscles(b: Any, share: Any, step: Any, part: Any) -> None:
         settle(b, part)
 
-    slide, (touch, follow) = base_slide(grid, traits), _touched(grid, touching)
+    slide, (touch, follow) = base_slide(grid, traits), _touched(grid, touching, folding)
     first = {
         "strains": strains,
         "crossings": crossings,
@@ -139,10 +139,21 @@ def hydrostat_terms(grid: AssemblyGrid, traits: Traits, loaded: bool = False, to
     return tuple(phase for phase in phases if phase.terms or phase.stage is not None)
 
 
-def _touched(grid: AssemblyGrid, touching: bool) -> tuple[Terms, Terms]:
-    """Impulses from bodies, before the implicit axial step, and anchors that follow at the end, if there are bodies."""
-    if not touching:
-        return {}, {}
+def _touched(grid: AssemblyGrid, touching: bool, folding: bool) -> tuple[Terms, Terms]:
+    """Impulses from bodies and of the arm on itself, before the implicit axial step; anchors that follow at the end."""
+    touches, follows = _touched_by_bodies(grid) if touching else ({}, {})
+    if folding:
+        _, part, _ = fold_kernels(grid)
+
+        @kernel
+        def fold(b: Any, share: Any, step: Any) -> None:
+            part(b, step.folds, np.float64(step.h))
+
+        touches = touches | {"fold": on_its_own(fold)}
+    return touches, follows
+
+
+def _touched_by_bodies(grid: AssemblyGrid) -> tuple[Terms, Terms]:
     _, exchange, go_along = contact_kernels(grid)
 
     @kernel

@@ -15,7 +15,7 @@ from ..compiler import call, kernel
 from ..contact.body_kernels import any_moves, drift_bodies
 from ..contact.near_kernels import MOVES, SINKS
 from ..contact.note_kernels import note
-from .contact_kernels import LOOK
+from .contact_kernels import LOOK, fold_kernels
 from .family_kernels import family_kernels, family_offsets, position_kernels
 from .meeting_kernels import LEFT, exchange, meet
 from .outside_kernels import outside_kernels
@@ -78,7 +78,9 @@ def mover(grid: AssemblyGrid) -> Any:
     return move
 
 
-def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, look: Any = None) -> tuple[Any, tuple[Any, ...]]:
+def assembly_stepper(
+    grid: AssemblyGrid, phases: Phases, loaded: bool = False, look: Any = None, folding: bool = False
+) -> tuple[Any, tuple[Any, ...]]:
     """Compile the loop of an assembly.
 
     Parameters
@@ -90,6 +92,8 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
         Whether loads act from outside.
     look : compiled function, optional
         What watches for bodies, if there are any.
+    folding : bool
+        Whether the arm touches itself.
 
     Returns
     -------
@@ -117,6 +121,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
     VOLUME = slab_offsets(grid)["VOLUME"]
     find, _ = outside_kernels(grid)
     touching = look is not None
+    look_at_folds, _, note_folds = fold_kernels(grid)
     real, single = np.float32 if grid.single else np.float64, grid.single
     apart = position_kernels(grid, False)[0]
     straighten = sweep_open(grid, family_kernels(grid, False)["straighten"])
@@ -247,7 +252,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
         meet(crew)
         if crew.counts[LEFT]:
             return 0, FINE, 0, 0, 0
-        h, world, outside, part = step.h, step.world, step.outside, crew.part
+        h, world, folds, outside, part = step.h, step.world, step.folds, step.outside, crew.part
         for sample in range(points.shape[0]):
             set_levels(b, part, BEFORE, RING_BEFORE, longitudinal[sample], oblique[sample], transverse[sample])
             set_levels(b, part, AFTER, RING_AFTER, longitudinal[sample + 1], oblique[sample + 1], transverse[sample + 1])
@@ -255,10 +260,13 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
             if touching and crew.number == 0 and any_moves(world.bodies):
                 drift_bodies(world.bodies, np.float64(0.5 * h))
             for number in range(steps):
-                if touching and number % LOOK == 0:
+                if (touching or folding) and number % LOOK == 0:
                     meet(crew)
                     if crew.number == 0:
-                        look(b, world, np.float64(LOOK * h))
+                        if touching:
+                            look(b, world, np.float64(LOOK * h))
+                        if folding:
+                            look_at_folds(b, folds, np.float64(LOOK * h))
                 if loaded:
                     find(b, part, outside, shares, loads[sample], loads[sample + 1], (number + 0.5) / steps)
                 force(b, real((number + 0.5) / steps), step, crew, terms)
@@ -271,6 +279,8 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
                         return sample, finding, family, where, half
             if touching and crew.number == 0:
                 note(world, sample, np.float64(h), steps)
+            if folding and crew.number == 0:
+                folds.sunk[0] = note_folds(folds, sample, np.float64(h), steps)
             finding, family, where, half = worst_of(b, crew)
             if finding != FINE:
                 return sample, finding, family, where, half
@@ -279,7 +289,7 @@ def assembly_stepper(grid: AssemblyGrid, phases: Phases, loaded: bool = False, l
                 straighten_rings(b, part)
             record(b, part, points[sample], frames[sample], stretch[sample], volumes[sample])
             meet(crew)
-            if touching and world.seen[SINKS]:
+            if (touching and world.seen[SINKS]) or (folding and folds.sunk[0]):
                 return sample + 1, SUNK, 0, ONE, 0
         return points.shape[0], FINE, 0, 0, 0
 

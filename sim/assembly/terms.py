@@ -70,6 +70,8 @@ class Step(NamedTuple):
         Forces of loads from outside on the nodes of cord and muscles, N, if there are any.
     world : World or ()
         Bodies to touch, if there are any, see `octoctrl.sim.contact.world`.
+    folds : Folds or ()
+        What of the arm may touch itself, if it may, see `octoctrl.sim.contact.folds`.
     """
 
     h: float
@@ -79,6 +81,7 @@ class Step(NamedTuple):
     helix_index: np.ndarray
     outside: np.ndarray = NOTHING
     world: Any = ()
+    folds: Any = ()
 
 
 def by_name(phases: Phases) -> Terms:

@@ -33,20 +33,24 @@ def fold_sweeps(surface: Surface) -> Any:
         for p in range(count):
             places[0, p], places[1, p], places[2, p], places[3, p], square = place(b, points, p)
             fastest = max(fastest, square)
-        margin = max(LEAST_MARGIN, 2 * span * (2 * np.sqrt(fastest) + HASTE))
+        folds.pace[0] = 2 * (2 * np.sqrt(fastest) + HASTE)
+        margin = max(LEAST_MARGIN, span * folds.pace[0])
         for p in range(count):
             for q in range(first[p], count):
                 d1, d2, d3 = places[0, p] - places[0, q], places[1, p] - places[1, q], places[2, p] - places[2, q]
-                reach = SWELLING * (places[3, p] + places[3, q]) + margin
-                if d1 * d1 + d2 * d2 + d3 * d3 < reach * reach:
-                    folds.pairs[found, 0], folds.pairs[found, 1] = p, q
+                thick, square = SWELLING * (places[3, p] + places[3, q]), d1 * d1 + d2 * d2 + d3 * d3
+                if square < (thick + margin) * (thick + margin):
+                    folds.pairs[found, 0], folds.pairs[found, 1], folds.slack[found] = p, q, np.sqrt(square) - thick
                     found += 1
         folds.found[0] = found
 
     @borrowing_kernel
     def part(b: Any, folds: Any, h: Any) -> None:
-        points, sums, rate = folds.points, folds.sums, 1.0 / h
+        points, sums, slack, rate, closes = folds.points, folds.sums, folds.slack, 1.0 / h, h * folds.pace[0]
         for k in range(folds.found[0]):
+            slack[k] -= closes
+            if slack[k] > 0:
+                continue
             p, q = folds.pairs[k, 0], folds.pairs[k, 1]
             x1, x2, x3, thick, _ = place(b, points, p)
             y1, y2, y3, thin, _ = place(b, points, q)
@@ -59,6 +63,7 @@ def fold_sweeps(surface: Surface) -> Any:
             v1, v2, v3 = velocity(b, points, q, 0.0, 0.0, 0.0)
             closing = (u1 - v1) * n1 + (u2 - v2) * n2 + (u3 - v3) * n3
             if gap >= 0 and gap + h * closing >= 0:
+                slack[k] = distance - SWELLING * (thick + thin)
                 continue
             w = mobility(b, points, p, 0.0, rate)[0] + mobility(b, points, q, 0.0, rate)[0]
             if w == 0.0:

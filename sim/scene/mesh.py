@@ -1,7 +1,8 @@
 """A solid within a closed surface of triangles, such as a scanned stone or a part that was drawn."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 from functools import lru_cache
+from hashlib import sha256
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ MOST, EMPTY, SKEW = 20_000, 1e-9, 1e-3
 matter."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Mesh(RigidObject):
     """A solid within a closed surface of triangles, whose distances are kept on a grid: edges are as round as a cell is wide.
 
@@ -36,8 +37,8 @@ class Mesh(RigidObject):
         Of the grid, along the longest side; what is thinner than one gets lost.
     """
 
-    vertices: tuple[Vector, ...] = field(repr=False)
-    triangles: tuple[tuple[int, int, int], ...] = field(repr=False)
+    vertices: tuple[Vector, ...]
+    triangles: tuple[tuple[int, int, int], ...]
     principal: bool = False
     cells: int = 48
     kind: ClassVar[int] = 5
@@ -63,6 +64,12 @@ class Mesh(RigidObject):
                 f"{name} can move, and its products of inertia are {100 * products:.2g} % of its moments; "
                 "its axes must be principal ones: set principal = true"
             )
+
+    def __repr__(self) -> str:
+        """All that is told in a line, and a digest of the surface, which tells it from others."""
+        told = ", ".join(f"{item.name}={getattr(self, item.name)!r}" for item in fields(self) if item.name not in ("vertices", "triangles"))
+        digest = sha256(self.corners.tobytes()).hexdigest()[:12]
+        return f"Mesh({told}, surface=<{len(self.triangles)} triangles, {digest}>)"
 
     @property
     def _solid(self) -> "_Solid":
