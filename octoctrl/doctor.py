@@ -13,6 +13,7 @@ from octoctrl import __version__
 from octoctrl.sim.activation import Activation
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import PLANTS, Plant, PlantRow
+from octoctrl.sim.scene.scene import self_contact
 
 from .files.configuration import Configuration
 
@@ -182,9 +183,13 @@ def _features(plant: Plant, row: PlantRow, groups: Sequence[str]) -> list[tuple[
         rows.append(("contact, friction", f"with {named}: an implicit impulse, anchored friction", "needed"))
     else:
         rows.append(("contact, friction", f"no objects: {nothing}", "left out"))
+    between = "" if row.lumped else "between sections of the arm: "
+    if plant.scene.self_contact:
+        rows.append(("self-contact", f"{between}an implicit impulse without friction", "needed"))
+    else:
+        rows.append(("self-contact", f"{between}{nothing}; crossings are counted", "left out"))
     return [
         *rows,
-        ("self-contact", f"{'' if row.lumped else 'between sections of the arm: '}{nothing}; crossings are counted", "left out"),
         ("third dimension", "always computed", "needed"),
         ("recording", f"points, frames, stretch, levels every {every:g} ms; no energies", "needed"),
     ]
@@ -238,6 +243,7 @@ def header(plant: Plant, groups: Sequence[str]) -> str:
     water = plant.scene.water is not None and plant.scene.water.factor > 0
     active, drag = f"{len(groups)} of {len(plant.arm.layout)} muscle groups active", "drag" if water else "no drag"
     contact = f"contact with {len(plant.scene.objects)} object(s)" if plant.scene.objects else "no contact"
+    contact += f", {self_contact(plant.scene)}" if plant.scene.self_contact else ""
     contact += f", {len(plant.scene.loads)} load(s)" if plant.scene.loads else ""
     return (
         f"{plant.model} plant: {active}, {drag}, {contact}; "

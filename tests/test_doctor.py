@@ -86,3 +86,11 @@ def test_objects_are_needed_where_there_are_any():
     told = marks(diagnosis.needs(replace(tasks.load("coil"), scene=scene)))
     assert told["contact, friction"][0] == "needed" and "with ball" in told["contact, friction"][1]
     assert "contact with 1 object(s)" in diagnosis.header(Plant(scene=scene), ("LM1",))
+
+
+def test_contact_with_itself_is_needed_where_it_is_asked_for():
+    told = [marks(diagnosis.needs(replace(tasks.load("coil"), scene=Scene(self_contact=on)))) for on in (True, False)]
+    assert told[0]["self-contact"][0] == "needed" and "an implicit impulse" in told[0]["self-contact"][1]
+    assert told[1]["self-contact"][0] == "left out" and "no such code" in told[1]["self-contact"][1]
+    made = Plant(scene=Scene(self_contact=True))
+    assert "drag, no contact, self-contact on; step" in diagnosis.header(made, ("LM1",))
