@@ -199,5 +199,5 @@ def test_what_cannot_be_is_refused_in_one_sentence():
     with pytest.raises(OctoctrlError, match="the published arm does not touch itself; leave self_contact or paper_compatible out"):
         # Before anything is built: a pitch that fits no ring would be found then.
         oc.make_plant("assembly", oc.Arm.octopus(oblique_pitch=0.0123), oc.Scene(self_contact=True), paper_compatible=True)
-    with pytest.raises(OctoctrlError, match="self_contact is yes; True or False is needed"):
+    with pytest.raises(OctoctrlError, match="Scene: self_contact is 'yes'; True or False is needed"):
         oc.Scene(self_contact="yes")

@@ -21,6 +21,21 @@ LOOK = 10
 """Steps after which one looks again which nodes are near."""
 
 
+def node_kernel(grid: AssemblyGrid) -> Any:
+    """Compile ``node(buffer, k) -> x1, x2, x3``: where a node of an open rod is, in double precision."""
+    o, single = family_offsets(grid, False), grid.single
+    X1, X2, X3, LOW1, LOW2, LOW3 = (o[f"{field}{i}"] for field in ("X", "LOW") for i in (1, 2, 3))
+
+    @borrowing_kernel
+    def node(b: Any, k: Any) -> Any:
+        x1, x2, x3 = np.float64(b[X1 + k]), np.float64(b[X2 + k]), np.float64(b[X3 + k])
+        if single:
+            x1, x2, x3 = x1 + b[LOW1 + k], x2 + b[LOW2 + k], x3 + b[LOW3 + k]
+        return x1, x2, x3
+
+    return node
+
+
 def contact_kernels(grid: AssemblyGrid) -> Any:
     """Compile the contact of an assembly with bodies.
 
@@ -29,16 +44,8 @@ def contact_kernels(grid: AssemblyGrid) -> Any:
     watch, touch, follow : compiled functions
         See `octoctrl.sim.contact.sweep_kernels.contact_sweeps`.
     """
-    o, single = family_offsets(grid, False), grid.single
-    X1, X2, X3, V1, V2, V3, LOW1, LOW2, LOW3 = (o[f"{field}{i}"] for field in ("X", "V", "LOW") for i in (1, 2, 3))
-    MOBILITY = o["NODE_MOBILITY"]
-
-    @borrowing_kernel
-    def node(b: Any, k: Any) -> Any:
-        x1, x2, x3 = np.float64(b[X1 + k]), np.float64(b[X2 + k]), np.float64(b[X3 + k])
-        if single:
-            x1, x2, x3 = x1 + b[LOW1 + k], x2 + b[LOW2 + k], x3 + b[LOW3 + k]
-        return x1, x2, x3
+    o, node = family_offsets(grid, False), node_kernel(grid)
+    V1, V2, V3, MOBILITY = (o[name] for name in ("V1", "V2", "V3", "NODE_MOBILITY"))
 
     @borrowing_kernel
     def velocity(b: Any, points: Any, p: Any, l1: Any, l2: Any, l3: Any) -> Any:
@@ -86,16 +93,8 @@ def fold_kernels(grid: AssemblyGrid) -> Any:
 
 def section_surface(grid: AssemblyGrid) -> Surface:
     """Compile where the sections are: cord and longitudinal muscles at one node, which share an impulse by their masses."""
-    o, single = family_offsets(grid, False), grid.single
-    X1, X2, X3, V1, V2, V3, LOW1, LOW2, LOW3 = (o[f"{field}{i}"] for field in ("X", "V", "LOW") for i in (1, 2, 3))
-    MOBILITY, rods, L = o["NODE_MOBILITY"], grid.straight_rods, np.uint64(grid.lanes)
-
-    @borrowing_kernel
-    def node(b: Any, k: Any) -> Any:
-        x1, x2, x3 = np.float64(b[X1 + k]), np.float64(b[X2 + k]), np.float64(b[X3 + k])
-        if single:
-            x1, x2, x3 = x1 + b[LOW1 + k], x2 + b[LOW2 + k], x3 + b[LOW3 + k]
-        return x1, x2, x3
+    o, node, rods, L = family_offsets(grid, False), node_kernel(grid), grid.straight_rods, np.uint64(grid.lanes)
+    V1, V2, V3, MOBILITY = (o[name] for name in ("V1", "V2", "V3", "NODE_MOBILITY"))
 
     @borrowing_kernel
     def mass(b: Any, k: Any) -> Any:
