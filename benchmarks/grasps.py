@@ -54,8 +54,12 @@ def tried(item, arm, plant, executor, again):
     row |= {"processor": process_time() - begin, "reason": plan.report.reason, **plan.report.stages}
     if row["status"] == "refused":
         return row
-    candidates = sum(line.startswith("candidate") for line in plan.report.tried)
-    row |= {"candidate": candidates, "price": plan.report.price, "trials": plan.report.starts, "tried": plan.report.tried}
+    # Whatever is tried after the first that passes on the plant is tried for the sake of the scenarios.
+    tried_there = [line for line in plan.report.tried if line.startswith("candidate") and f"on the plant '{plant}': worst goal " in line]
+    carried = [line for line in tried_there if "by scenario" not in line]
+    passed = [float(line.split("worst goal ")[1].split()[0]) <= 1 and "beyond its limit" not in line for line in carried]
+    row["candidate"] = passed.index(True) + 1 if True in passed else len(carried)
+    row |= {"price": plan.report.price, "trials": plan.report.starts, "tried": plan.report.tried}
     row |= {name: plan.report.measured.get(f"post.{name}", np.nan) for name in ("covered_winding", "normal_force", "depth", "drift")}
     if plan.status.solved and again:
         run = oc.execute(plan, plant=plant, allow_unsolved=True)

@@ -1,5 +1,6 @@
 """Plans for what touches: primitives in azimuths and turns, what is read of a hold, scenarios, and a search from task to verdict."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from matplotlib.colors import rgb_to_hsv
 
 import octoctrl as oc
 from octoctrl.carrying import calibrating, searching, tugging
+from octoctrl.carrying.checking import Programme
 from octoctrl.carrying.searching import plan_by_search
 from octoctrl.carrying.trials import plant_for, schedule_of
 from octoctrl.carrying.tugging import tugs
@@ -507,10 +509,26 @@ def test_a_search_that_comes_near_nothing_looks_round_once_more_and_one_candidat
     base = oc.plan(task_for(replace(POST, radius=0.025)))
     found = plan_by_search(configuration.task, replace(base.model, scene=configuration.scene), population=2, rounds=40)
     searched = [line for line in found.report.tried if line.startswith("phase")]
-    assert found.status is PlanStatus.MISSED and found.report.starts == 1 + 2 * (5 + 2 * 2 * searching.FIRST_ROUNDS), searched
+    assert found.status is PlanStatus.MISSED
+    assert found.report.starts == 1 + 2 * (5 * searching.SURVEY_ROUNDS + 2 * searching.FIRST_ROUNDS), "one start of each survey"
     for line, seed in zip(searched[:2], (3, 7), strict=True):
-        assert line.startswith(f"phase 'grasp', survey with seed {seed}: 5 candidates, 5 runs of 25 s in all")
+        said = f"phase 'grasp', survey with seed {seed}: 20 candidates in 4 rounds, 20 runs of 100 s in all"
+        assert line.startswith(said), "as planned alone"
     assert sum(line.startswith("candidate") for line in found.report.tried) == 1
+
+
+def test_candidates_that_fewer_scenarios_lose_are_carried_out_first(hold):
+    plan, _, _ = hold
+    (curl,) = plan.schedule.primitives
+    work = searching.Work(ARM, plan.scene, None, searching.NullProgress(), 1.0, 0)
+    task = replace(plan.task, drives=(oc.Drive(name="curl", primitive=replace(curl, onset=0.0), begins="grasp"),), choose=None)
+    stage = searching._stage(task, task.phases, (), work, (PLANNED, Scenario(bend=0.3)), (None, None), CURVE)
+    given = [(replace(curl, level=0.3 * curl.level),), (curl,), (replace(curl, speed=1.01 * curl.speed),)]
+    programmes = [Programme(task, {}, primitives, stage.run_through(primitives)) for primitives in given]
+    with ThreadPoolExecutor(1) as executor:
+        lost = [sum(share > 1 for share in programme.scenarios(executor)) for programme in programmes]
+        found = searching._safest_first(programmes, executor)
+    assert lost == [2, 1, 1] and [id(item) for item in found] == [id(programmes[number]) for number in (1, 2, 0)]
 
 
 def test_a_post_along_the_arm_is_held_by_an_arm_that_leans_across_it():

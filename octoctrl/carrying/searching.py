@@ -19,7 +19,7 @@ from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.asking.wrapping import TwistCurve
 from octoctrl.planners.contracts import Floats, Primitive
 from octoctrl.planners.model.reduced import ReducedModel
-from octoctrl.planners.solving.cross_entropy import GOOD_ENOUGH, Candidate, Searched, search, survey
+from octoctrl.planners.solving.cross_entropy import GOOD_ENOUGH, Candidate, Searched, Unknowns, search
 from octoctrl.planners.solving.free_shapes import free_points, last_free, turns_near
 from octoctrl.planners.solving.grasping import check_objects, grasp_drives, grasp_region, grasped, objects_held, too_short
 from octoctrl.planners.solving.plan import Plan
@@ -43,9 +43,12 @@ POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
 """Trials of a round, rounds of a phase at most; how often it begins anew, and after how many rounds of each of these the best goes on
 alone. A search that has lost its way does not find it again; another one may."""
 
-SURVEYS, DRAWN, SURVEYED, FAR = 2, 600, 40, 1.0
-"""Surveys of a phase at most, the second where the first leads nowhere; programmes that are drawn for one, how many of them it tries, and
-how far apart the searches that follow it begin, in first spreads."""
+SURVEYS, DRAWN, SURVEYED, SURVEY_ROUNDS, KEPT, NEAR_ENOUGH = 2, 600, 40, 4, 8, 0.45
+"""Surveys of a phase at most, the second where the first leads nowhere; programmes that are drawn for one, how many a round of it tries,
+rounds, how many of the best it goes on from, and price at which it ends."""
+
+FAR, NARROW = 1.0, 0.5
+"""How far apart the searches that follow a survey begin, in its spreads, and how far they look at first, over the usual."""
 
 SETTLING = 2
 """Rounds of trials that are not rough at most, where nothing that rough ones found is good enough."""
@@ -201,7 +204,21 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
         found = dict(zip(stage.unknowns.names, map(float, item.x), strict=True))
         primitives = _in_order(stage.task, (*settled, *stage.primitives(item.x)))
         programmes.append(Programme(stage.task, numbers | found, primitives, stage.run_through(primitives)))
-    return Findings(programmes, tuple(tried), count, worst)
+    return Findings(_safest_first(programmes, work.executor), tuple(tried), count, worst)
+
+
+def _safest_first(programmes: Sequence[Programme], executor: Executor) -> list[Programme]:
+    """Those of some `programmes` that fewer scenarios lose before others, for what a scenario loses the plant may lose as well.
+
+    They come by their price; beyond the first that no scenario loses nobody looks.
+    """
+    lost: list[int] = []
+    for programme in programmes:
+        lost.append(sum(share > 1 for share in programme.scenarios(executor)))
+        if not lost[-1]:
+            break
+    seen = sorted(range(len(lost)), key=lost.__getitem__)
+    return [*(programmes[number] for number in seen), *programmes[len(lost) :]]
 
 
 def _on_the_plant(found: Findings, curve: TwistCurve, plant: str, work: Work) -> Findings:
@@ -256,7 +273,8 @@ def _stage(
 
 
 def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]], seed: int) -> Searched:
-    """What is found in a region, as planned alone: of many programmes those are tried that would go round the object in free water.
+    """What is found in a region, as planned alone: of many programmes those that would go round the object in free water, then others near
+    the best of them.
 
     A programme that would have to pass through the object on its way counts by where it would be held up.
     """
@@ -267,32 +285,28 @@ def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]
     levels = np.array([schedule_of(stage.primitives(x), end).activation().levels(times, edges) for x in drawn])
     points = free_points(levels.reshape(-1, *levels.shape[2:]), work.arm, stage.curve).reshape(DRAWN, LOOKS, -1, 3)
     near = turns_near(points[np.arange(DRAWN), last_free(points, item)], work.arm, item)
-    tried = drawn[np.argsort(-near, kind="stable")[:SURVEYED]]
-    work.progress.start(f"looking round for phase '{stage.name}'", float(SURVEYED))
+    first = drawn[np.argsort(-near, kind="stable")[:SURVEYED]]
+    unknowns = replace(stage.unknowns, mean=first[0], spread=(high - low) / 3)
+    work.progress.start(f"looking round for phase '{stage.name}'", float(SURVEYED * SURVEY_ROUNDS))
     try:
-        found = survey(stage, stage.unknowns, list(tried), work.executor, seed=work.seed + seed, stop=work.over, progress=work.progress)
+        found = search(
+            stage.as_planned(), unknowns, work.executor, seed=work.seed + seed, population=SURVEYED, rounds=SURVEY_ROUNDS, elite=KEPT,
+            enough=NEAR_ENOUGH, first=list(first[1:]), stop=work.over, progress=work.progress,
+        )  # fmt: skip
     finally:
         work.progress.stop()
     return _heeded(found, work)
 
 
 def _rounds(
-    stage: Stage,
-    work: Work,
-    rounds: int,
-    seed: int,
-    *,
-    start: Floats | None = None,
-    after: Searched | None = None,
-    first: Sequence[Floats] = (),
+    stage: Stage, work: Work, start: Unknowns, rounds: int, seed: int, *, after: Searched | None = None, first: Sequence[Floats] = ()
 ) -> Searched:
     """Some rounds of a stage, from a `start` or `after` others; all that the only round tries may be given, the mean first."""
-    unknowns = stage.unknowns if start is None else replace(stage.unknowns, mean=start)
     population = max(len(first), 2) if first else work.population
     work.progress.start(f"searching phase '{stage.name}'", float(population * rounds + (len(after.candidates) if after else 0)))
     try:
         result = search(
-            stage, unknowns, work.executor, seed=work.seed + seed, population=population, rounds=rounds, enough=stage.enough,
+            stage, start, work.executor, seed=work.seed + seed, population=population, rounds=rounds, enough=stage.enough,
             first=first[1:], after=after, stop=work.over, progress=work.progress,
         )  # fmt: skip
     finally:
@@ -336,18 +350,22 @@ def _search_phase(
 
 def _begun(stage: Stage, work: Work, seed: int, region: Mapping[str, tuple[float, float]]) -> tuple[list[Searched], list[Searched]]:
     """Surveys, and some rounds from each start: from the task's own numbers or, where there is a `region` to look round, from the best of a
-    survey, and if that leads nowhere from the best of another one.
+    survey; if that leads nowhere, from the best of another one.
     """
-    seen, found = list[Searched](), list[Searched]()
+    seen, found, unknowns = list[Searched](), list[Searched](), stage.unknowns
+    starts = [unknowns] * STARTS
     for look in range(SURVEYS if region else 1):
-        starts, first = [stage.unknowns.mean] * STARTS, seed + look * (STARTS + 2)
+        first = seed + look * (STARTS + 2)
         if region:
             seen.append(_surveyed(stage, work, region, first + STARTS + 1))
-            starts = [item.x for item in seen[-1].apart(STARTS, FAR)]
+            near = seen[-1].candidates and seen[-1].best.price <= stage.hopeless
+            starts = [
+                replace(unknowns, mean=item.x, spread=NARROW * unknowns.spread) for item in seen[-1].apart(STARTS if near else 1, FAR)
+            ]
         for number, start in enumerate(starts):
-            found.append(_rounds(stage, work, min(FIRST_ROUNDS, work.rounds), first + number, start=start))
-            if work.over() or found[-1].ended == GOOD_ENOUGH:
+            if work.over() or any(result.ended == GOOD_ENOUGH for result in found):
                 break
+            found.append(_rounds(stage, work, start, min(FIRST_ROUNDS, work.rounds), first + number))
         if work.over() or any(result.candidates and result.best.price <= stage.hopeless for result in found):
             break
     return seen, [result for result in found if result.candidates]
@@ -357,17 +375,17 @@ def _gone_on(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> 
     """The rounds that are left, after that of what was `found` which found the best, unless that is good enough."""
     left, best = work.rounds - STARTS * FIRST_ROUNDS, _best(found)
     if left > 0 and best.ended != GOOD_ENOUGH and not work.over():
-        _rounds(stage, work, left, seed, after=best)
+        _rounds(stage, work, stage.unknowns, left, seed, after=best)
 
 
 def _settled(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> Searched:
     """The best of what rough trials `found`, judged by others, and some rounds from there if none is good enough."""
     first, spread = [item.x for item in _apart(found)], _best(found).spread
     settled = Searched(unknowns=stage.unknowns, seed=work.seed + seed, mean=first[0], spread=spread)
-    _rounds(stage, work, 1, seed, after=settled, first=first)
+    _rounds(stage, work, stage.unknowns, 1, seed, after=settled, first=first)
     if settled.candidates and settled.ended != GOOD_ENOUGH and not work.over():
         settled.mean, settled.spread = settled.best.x, spread
-        _rounds(stage, work, min(SETTLING, work.rounds), seed, after=settled)
+        _rounds(stage, work, stage.unknowns, min(SETTLING, work.rounds), seed, after=settled)
     return settled
 
 

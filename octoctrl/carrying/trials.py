@@ -267,7 +267,8 @@ class Stage:
         tried = len(prices)
         price = self.together(prices, max(prices) + 0.2)
         most = 0.0 if self.rough else 1.0  # what is met by a rough trial with nothing to spare may be missed
-        met = len(recordings) == len(self.scenarios) and all(max(self.misses(item), default=0.0) <= most for item in recordings)
+        whole = len(recordings) == len(self.scenarios)
+        met = whole and all(max(self.misses(recordings[number]), default=0.0) <= most for number in np.argsort(prices)[::-1])
         if met and self.neighbours:
             met, again = self._sure(x, prices)
             price, tried = self.together(prices, 0.0), tried + again
@@ -292,6 +293,10 @@ class Stage:
                 if max(self.misses(recording), default=0.0) > 1:
                     return False, runs
         return True, runs
+
+    def as_planned(self) -> "Stage":
+        """The same without other scenarios than the first, and without neighbours."""
+        return replace(self, scenarios=self.scenarios[:1], states=self.states[:1], neighbours=0)
 
     def together(self, prices: list[float], other: float) -> float:
         """Half the mean of the `prices` of all scenarios, and half the worst; of those that were not tried it is the `other`."""

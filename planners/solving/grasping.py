@@ -24,8 +24,8 @@ from .plan import Plan
 
 Floats = NDArray[np.float64]
 
-ENOUGH_TURNS = 1.2
-"""Turns for which the arm beyond an object must suffice, were it straight up to there: with less none was held, whatever was tried."""
+ENOUGH_TURNS = 1.25
+"""Turns for which the arm beyond an object must suffice, were it straight up to there: with less hardly any was held."""
 
 BEFORE = 0.022
 """How far before the nearest point the curl begins, m, on an arm of 0.2 m."""
