@@ -586,7 +586,7 @@ def test_phases_that_are_searched_together_cost_what_they_cost_one_by_one(hold):
     work = searching.Work(ARM, plan.scene, None, searching.NullProgress(), 1.0, 0)
 
     def stage(phases, settled=(), states=(None,)):
-        return searching._stage(task, phases, settled, work, (PLANNED,), states, CURVE)
+        return replace(searching._stage(task, phases, settled, work, (PLANNED,), states, CURVE), neighbours=0)
 
     both, first = stage(phases[:2]), stage(phases[:1])
     assert both.unknowns.names == ("curl.level", "curl.azimuth", "lean.level"), "in the order of the phases"

@@ -334,41 +334,47 @@ def _search_phase(
     judged = work.executor.submit(stage, own).result()
     if judged.met or judged.price <= stage.enough:
         return [Candidate(own, judged)], [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"], 1
-    seen, found = _begun(tried, work, seed, region if judged.price > stage.hopeless else {})
+    seen, found, settled = _begun(tried, work, seed, region if judged.price > stage.hopeless else {})
     best = _apart(found) or [Candidate(own, judged)]
     if best[0].price > stage.hopeless:  # nothing came near, and more of the same will not
         best = best[:1]
-    elif tried.rough and found:
-        found.append(_settled(stage, work, seed + STARTS, found))
-        best = _apart(found[-1:]) or best
+    elif tried.rough:
+        _settle(stage, work, seed + STARTS, found, settled)
+        best = _apart(settled) or best
     elif found:
         _gone_on(stage, work, seed + STARTS, found)
         best = _apart(found)
-    said = [f"phase '{name}', survey with {item}" for item in seen] + [f"phase '{name}', {item}" for item in found]
-    return best, said or [f"phase '{name}' was not searched"], 1 + sum(len(result.candidates) for result in (*seen, *found))
+    said = [f"phase '{name}', survey with {item}" for item in seen] + [f"phase '{name}', {item}" for item in (*found, *settled)]
+    count = 1 + sum(len(item.candidates) for item in (*seen, *found, *settled))
+    return best, said or [f"phase '{name}' was not searched"], count
 
 
-def _begun(stage: Stage, work: Work, seed: int, region: Mapping[str, tuple[float, float]]) -> tuple[list[Searched], list[Searched]]:
-    """Surveys, and some rounds from each start: from the task's own numbers or, where there is a `region` to look round, from the best of a
-    survey; if that leads nowhere, from the best of another one.
+def _begun(
+    stage: Stage, work: Work, seed: int, region: Mapping[str, tuple[float, float]]
+) -> tuple[list[Searched], list[Searched], list[Searched]]:
+    """Surveys, some rounds from each start, and what of them was judged anew, until something is good enough.
+
+    It starts from the task's own numbers or, where there is a `region` to look round, from the best of a survey; if that leads nowhere,
+    from the best of another one.
     """
-    seen, found, unknowns = list[Searched](), list[Searched](), stage.unknowns
+    seen, found, settled, unknowns = list[Searched](), list[Searched](), list[Searched](), stage.unknowns
     starts = [unknowns] * STARTS
     for look in range(SURVEYS if region else 1):
         first = seed + look * (STARTS + 2)
         if region:
             seen.append(_surveyed(stage, work, region, first + STARTS + 1))
             near = seen[-1].candidates and seen[-1].best.price <= stage.hopeless
-            starts = [
-                replace(unknowns, mean=item.x, spread=NARROW * unknowns.spread) for item in seen[-1].apart(STARTS if near else 1, FAR)
-            ]
+            best = seen[-1].apart(STARTS if near else 1, FAR)
+            starts = [replace(unknowns, mean=item.x, spread=NARROW * unknowns.spread) for item in best]
         for number, start in enumerate(starts):
-            if work.over() or any(result.ended == GOOD_ENOUGH for result in found):
+            if work.over() or _good(settled if stage.rough else found):
                 break
             found.append(_rounds(stage, work, start, min(FIRST_ROUNDS, work.rounds), first + number))
+            if stage.rough and _good(found[-1:]):
+                settled.append(_judged_anew(replace(stage, rough=False), work, first + STARTS, found[-1:]))
         if work.over() or any(result.candidates and result.best.price <= stage.hopeless for result in found):
             break
-    return seen, [result for result in found if result.candidates]
+    return seen, [result for result in found if result.candidates], [result for result in settled if result.candidates]
 
 
 def _gone_on(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> None:
@@ -378,15 +384,28 @@ def _gone_on(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> 
         _rounds(stage, work, stage.unknowns, left, seed, after=best)
 
 
-def _settled(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> Searched:
-    """The best of what rough trials `found`, judged by others, and some rounds from there if none is good enough."""
+def _judged_anew(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> Searched:
+    """The best of what rough trials `found`, judged by others."""
     first, spread = [item.x for item in _apart(found)], _best(found).spread
-    settled = Searched(unknowns=stage.unknowns, seed=work.seed + seed, mean=first[0], spread=spread)
-    _rounds(stage, work, stage.unknowns, 1, seed, after=settled, first=first)
-    if settled.candidates and settled.ended != GOOD_ENOUGH and not work.over():
-        settled.mean, settled.spread = settled.best.x, spread
-        _rounds(stage, work, stage.unknowns, min(SETTLING, work.rounds), seed, after=settled)
-    return settled
+    again = Searched(unknowns=stage.unknowns, seed=work.seed + seed, mean=first[0], spread=spread)
+    _rounds(stage, work, stage.unknowns, 1, seed, after=again, first=first)
+    if again.candidates:
+        again.mean, again.spread = again.best.x, spread
+    return again
+
+
+def _settle(stage: Stage, work: Work, seed: int, found: Sequence[Searched], settled: list[Searched]) -> None:
+    """Judge anew what was `found` and not good enough for that, and go on from the best of all, if nothing that is `settled` is good."""
+    left = [result for result in found if not _good([result])]
+    if left and not _good(settled) and not work.over():
+        settled.append(_judged_anew(stage, work, seed, left))
+    if settled and settled[-1].candidates and not _good(settled) and not work.over():
+        _rounds(stage, work, stage.unknowns, min(SETTLING, work.rounds), seed, after=_best(settled))
+
+
+def _good(found: Sequence[Searched]) -> bool:
+    """Whether something is good enough."""
+    return any(result.ended == GOOD_ENOUGH for result in found)
 
 
 def _best(found: Sequence[Searched]) -> Searched:
