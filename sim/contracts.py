@@ -55,10 +55,11 @@ class Motion(NamedTuple):
     rod: str = "arm"
     element: int = 0
 
-    def without_last(self) -> "Motion":
-        """All samples but the last."""
-        points, frames, stretch = (values[:-1] for values in self[:3])
-        return self._replace(points=points, frames=frames, stretch=stretch, series={name: each[:-1] for name, each in self.series.items()})
+    def until(self, samples: int) -> "Motion":
+        """The first so many `samples`, or all but so many if negative."""
+        points, frames, stretch = (values[:samples] for values in self[:3])
+        series = {name: each[:samples] for name, each in self.series.items()}
+        return self._replace(points=points, frames=frames, stretch=stretch, series=series)
 
 
 def joined(motions: Sequence[Motion]) -> Motion:

@@ -15,6 +15,7 @@ class Finding(IntEnum):
     SHEARED = 5
     SPUN = 6
     SUNK = 7
+    ASTRAY = 8
 
     @property
     def ends(self) -> bool:
@@ -41,6 +42,7 @@ _PREDICATES = {
     Finding.SHEARED: "is sheared by more than 60 degrees",
     Finding.SPUN: "turns by a radian within one step",
     Finding.SUNK: "sinks deeper into an object than its contact explains",
+    Finding.ASTRAY: "goes faster than 10 m/s, or where no number says",
 }
 
 _REMEDIES = {
@@ -52,6 +54,7 @@ _REMEDIES = {
     Finding.SHEARED: "its section folds over - lower the levels, or use fewer, longer elements",
     Finding.SPUN: "the step cannot follow - halve dt",
     Finding.SUNK: "the step cannot follow - halve dt",
+    Finding.ASTRAY: "it could pass through the arm within a step - look at its velocity, its mass and what pushes it",
 }
 
 
@@ -63,7 +66,7 @@ class Stop:
     ----------
     time : float, s
     rod : str
-        ``"arm"`` if there is only one.
+        ``"arm"`` if there is only one; the object, if that has gone astray.
     element : int
     finding : Finding
     unstable : bool or None
@@ -79,6 +82,11 @@ class Stop:
     unstable: bool | None
     cause: str
 
+    @classmethod
+    def astray(cls, time: float, what: str) -> "Stop":
+        """The stop at a `time`, s, where an object goes astray; `what` names it."""
+        return cls(time=time, rod=what, element=0, finding=Finding.ASTRAY, unstable=None, cause=Finding.ASTRAY.remedy)
+
     @property
     def mechanism(self) -> str:
         """What is wrong, as a predicate of the element."""
@@ -86,7 +94,9 @@ class Stop:
 
     @property
     def place(self) -> str:
-        """Element and rod."""
+        """Element and rod, or the object."""
+        if self.finding is Finding.ASTRAY:
+            return self.rod
         return f"element {self.element}" if self.rod == "arm" else f"element {self.element} of {self.rod}"
 
     def message(self, step: float, limit: str) -> str:

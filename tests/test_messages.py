@@ -15,6 +15,7 @@ from octoctrl.cli.application import main
 from octoctrl.files import store
 from octoctrl.planners.asking.registry import primitive
 from octoctrl.planners.asking.shares import Share
+from octoctrl.planners.model.readings import residual_function
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.sim.body.fibres import winding_of
 from octoctrl.sim.errors import OctoctrlError
@@ -39,6 +40,38 @@ length = 0.2
 """
 
 TASK_KEYS, ARM_KEYS = (", ".join(item.name for item in fields(kind)) for kind in (oc.Task, oc.Arm))
+
+
+class Mine:
+    """A primitive of a user's own."""
+
+    level, onset = 0.2, 0.0
+
+    def __init__(self, templates, bounds=None):
+        self._given, self._bounds = templates, {} if bounds is None else bounds
+
+    def templates(self):
+        return self._given
+
+    def bounds(self):
+        return self._bounds
+
+    def effort(self, seconds):
+        return 0.0 * seconds
+
+
+class Odd:
+    """A goal of a user's own."""
+
+    def __init__(self, residual):
+        self._residual = residual
+
+    def __str__(self):
+        return "odd"
+
+    def residuals(self, outputs):
+        return [self._residual(outputs)]
+
 
 OBJECTS = [
     (lambda: oc.make_plant("assembly", paper_compatible=True, energy=True).core.energies(), "the published laws have no potential, so that there is no account of their energy; leave paper_compatible or energy out"),
@@ -129,6 +162,13 @@ OBJECTS = [
     (lambda: oc.compare(None), "execution is None; an Execution is needed: what oc.execute gives, or oc.load of its file"),
     (lambda: oc.report("run.npz"), "run is 'run.npz'; an Execution is needed: what oc.execute gives, or oc.load of its file"),
     (lambda: oc.export(3, "a.csv"), "run is 3; an Execution is needed: what oc.execute gives, or oc.load of its file"),
+    (lambda: oc.Water(factor=1e300), "factor=1e+300 is outside 0…1e+06"),
+    (lambda: oc.Water(density=-1.0), "density=-1 kg/m^3 is outside 0…100000 kg/m^3"),
+    (lambda: oc.Drive(name="a", primitive=Mine(oc.Plateau(groups=("LM1",), level=0.2)), begins="b"), "drive 'a': Mine gives the templates Plateau(groups=('LM1',), level=0.2, onset=0.0, rise=0.5, off … indow=(0.0, inf)); several of Plateau, Wave and Pulse are needed"),
+    (lambda: oc.Drive(name="a", primitive=Mine((), bounds=3), begins="b"), "drive 'a': Mine gives the bounds 3; ranges by name are needed, such as {\"level\": (0, 0.6)}"),
+    (lambda: oc.Drive(name="a", primitive=Mine((), bounds={"level": (0.0, float("inf"))}), begins="b"), "drive 'a': Mine: range of level is (0.0, inf); two finite numbers are needed, such as (0, 0.6)"),
+    (lambda: residual_function([Odd(lambda outputs: outputs.tip)], oc.Arm(), 8), "goal odd: its formula must serve arrays and CasADi expressions alike, with `outputs.math` and without branches; it gives 3 numbers for an instant where one is needed: take a column by row[:, index]"),
+    (lambda: residual_function([Odd(lambda outputs: abs(outputs.colour))], oc.Arm(), 8), "goal odd: its formula must serve arrays and CasADi expressions alike, with `outputs.math` and without branches; it ended in AttributeError: 'ModelOutputs' object has no attribute 'colour'"),
 ]  # fmt: skip
 
 

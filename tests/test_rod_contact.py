@@ -11,10 +11,10 @@ from octoctrl.sim.contact.measures import covered_winding, gaps
 from octoctrl.sim.contact.near_kernels import LEAST_MARGIN, START, SWELLING, look
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.contact.world import World, points_of
-from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene.objects import Box, Capsule, Plane, Sphere
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.scene.objects import Box, Capsule, Plane, Sphere, frame_of
 from octoctrl.sim.scene.scene import Scene
-from octoctrl.sim.scene.supports import Free
+from octoctrl.sim.scene.supports import Free, Moved, Push
 
 POST = Capsule(name="post", radius=8e-3, length=0.08, position=(0.0, 0.07, -0.022), axis=(1, 0, 0))
 CURL = oc.Activation(templates=(oc.Plateau(groups=("LM6", "LM7", "LM8"), level=0.3, rise=1.0, window=(0.05, 0.2)),))
@@ -241,3 +241,30 @@ def test_objects_of_a_task_file():
         parse(text + TABLE.replace("capsule", "capsul"))
     with pytest.raises(OctoctrlError, match="object 'post' can move but has no mass; give mass or density"):
         parse(text + TABLE.replace("density = 105.0", ""))
+
+
+@pytest.mark.parametrize(
+    "astray",
+    [
+        {"support": Moved(velocity=(-100.0, 0.0, 0.0)), "position": (1.0, 0.1, 0.0)},
+        {"support": Free(), "mass": 0.01, "pushes": (Push(force=(-100.0, 0.0, 0.0)),)},
+        {"support": Moved(spin=(1e300, 0.0, 0.0))},
+    ],
+    ids=["told to", "pushed", "spun"],
+)
+def test_what_goes_too_fast_or_nowhere_stops_the_run(astray):
+    """It would pass through the arm between two steps, or no longer be seen."""
+    ball = Sphere(**{"name": "ball", "radius": 8e-3, "position": (0.03, 0.1, 0.0)} | astray)
+    moving = plant(ball, record_every=1)
+    with pytest.raises(
+        PlantUnstableError, match=r"object 'ball' goes faster than 10 m/s, or where no number says; it could pass"
+    ) as caught:
+        moving.advance(CURL, 0.5)
+    kept = caught.value.recording
+    assert moving.time == 0 and np.isfinite(kept.series["touch ball"]).all() and kept.time[-1] < caught.value.time
+
+
+def test_the_length_of_an_axis_says_nothing():
+    usual, tiny, vast = (frame_of(replace(POST, axis=(size, size, 0.0))) for size in (1.0, 1e-200, 1e200))
+    np.testing.assert_array_equal(usual, tiny)
+    np.testing.assert_array_equal(usual, vast)

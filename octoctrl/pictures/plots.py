@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from octoctrl.sim.activation import Activation
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS, Arm
-from octoctrl.sim.errors import OctoctrlError, check_choice
+from octoctrl.sim.errors import OctoctrlError, check_choice, check_number, check_numbers
 from octoctrl.sim.running.recording import Recording
 
 from ..carrying.results import Execution
@@ -84,6 +84,10 @@ def plot(
     """
     if path is not None:
         path = check_target(path, overwrite=overwrite, suffixes=_FORMATS)
+    if size is not None:
+        check_numbers("size", tuple(size), 2, "(3.5, 2.5), inches")
+        for length in size:
+            check_number("size", length, at_least=0.5, at_most=100.0, unit="inches")
     names = (panels,) if isinstance(panels, str) else tuple(panels or PANELS)
     for name in names:
         check_choice("panel", name, tuple(PANELS))

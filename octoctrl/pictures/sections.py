@@ -37,8 +37,8 @@ def heading(runs: Sequence[Execution], verdicts: Sequence[Verdict]) -> str:
         good = sum(check.passed for check in verdict.checks)
         said.append(
             f"<div><h1>{html.escape(run.plan.task.name)}</h1>"
-            f'<span class="badge {"pass" if verdict.passed else "fail"}">{"passed" if verdict.passed else "failed"} '
-            f'{good} of {len(verdict.checks)}</span><span class="made">{html.escape(made(run))}</span></div>'
+            f'<span class="badge {"pass" if verdict.passed else "fail"}">{"passed" if verdict.passed else "failed"}: '
+            f'{good} of {len(verdict.checks)} checks are met</span><span class="made">{html.escape(made(run))}</span></div>'
         )
     return (
         f'<header>{"".join(said)}<div class="clock"><button id="play" aria-pressed="false">Play</button>'

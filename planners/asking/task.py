@@ -14,7 +14,8 @@ import numpy as np
 
 from octoctrl.sim.annotations import settle
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.errors import OctoctrlError, check_number, suggest
+from octoctrl.sim.errors import OctoctrlError, brief, check_number, check_numbers, suggest
+from octoctrl.sim.templates import Template
 from octoctrl.sim.topology.trace import TopologyConvention
 
 from ..contracts import Floats, Goal, Primitive, When
@@ -22,7 +23,7 @@ from .choice import Choice
 from .goals.measured import MeasuredGoal
 from .registry import primitive_kinds
 from .schedule import check_primitive
-from .shares import resolved
+from .shares import resolved, unresolved
 
 BASE_TANGENT = (0.0, 1.0, 0.0)
 """Direction in which the arm leaves its base."""
@@ -32,6 +33,8 @@ DELAY_BOUNDS = 0.0, 2.0
 
 CHOOSE = "choose"
 """In the place of drives: the planner chooses them."""
+
+_RANGES = '{"level": (0, 0.6)}'
 
 LEAST_OPENING = 1e-3
 """Smallest 1 + pole . base tangent: opposite to each other, they leave the lifted writhe undefined from the start."""
@@ -120,6 +123,7 @@ class Drive:
     def __post_init__(self) -> None:
         _check_name("drive", self.name)
         check_primitive(f"drive '{self.name}'", self.primitive)
+        self._check_what_it_gives()
         object.__setattr__(self, "free", _several(f"drive '{self.name}': free", self.free))
         settle(self)
         check_number(f"drive '{self.name}': delay", self.delay, at_least=DELAY_BOUNDS[0], at_most=DELAY_BOUNDS[1], unit="s")
@@ -138,6 +142,16 @@ class Drive:
         for timing in ("onset", "offset"):
             if isfinite(getattr(self.primitive, timing, 0.0)) and getattr(self.primitive, timing, 0.0) != 0.0:
                 raise OctoctrlError(f"drive '{self.name}': {timing} follows from the phases; use begins and ends")
+
+    def _check_what_it_gives(self) -> None:
+        owner = f"drive '{self.name}': {type(self.primitive).__name__}"
+        bounds, templates = self.primitive.bounds(), () if unresolved(self.primitive) else self.primitive.templates()
+        if not isinstance(bounds, Mapping):
+            raise OctoctrlError(f"{owner} gives the bounds {brief(repr(bounds))}; ranges by name are needed, such as {_RANGES}")
+        for name, ends in bounds.items():
+            check_numbers(f"{owner}: range of {name}", ends, 2, "(0, 0.6)")
+        if not isinstance(templates, tuple | list) or not all(isinstance(item, Template) for item in templates):
+            raise OctoctrlError(f"{owner} gives the templates {brief(repr(templates))}; several of Plateau, Wave and Pulse are needed")
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Range of each free number."""

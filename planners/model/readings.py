@@ -8,8 +8,9 @@ import casadi as ca
 import numpy as np
 
 from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.errors import OctoctrlError, brief
 
-from ..contracts import Expression, Floats, Goal
+from ..contracts import Expression, Floats, Goal, Outputs
 from .kinematics import BASE_FRAME, element_stations, hat_means, section_bounds
 from .output_kernels import OUTPUTS
 from .outputs import exponential
@@ -131,7 +132,23 @@ def residual_function(goals: Sequence[Goal], arm: Arm, sections: int) -> ca.Func
     -------
     casadi.Function
     """
-    return rows_function(lambda outputs: [residual for goal in goals for residual in goal.residuals(outputs)], arm, sections)
+    return rows_function(lambda outputs: [residual for goal in goals for residual in _residuals(goal, outputs)], arm, sections)
+
+
+def _residuals(goal: Goal, outputs: Outputs) -> list[ca.SX]:
+    """What a goal, which may be anybody's, has to say of the model's `outputs`, each one number."""
+    told = f"goal {goal}: its formula must serve arrays and CasADi expressions alike, with `outputs.math` and without branches"
+    try:
+        found = [ca.SX(residual) for residual in goal.residuals(outputs)]
+    except OctoctrlError:
+        raise
+    except Exception as error:
+        raise OctoctrlError(f"{told}; it ended in {type(error).__name__}: {brief(error)}") from error
+    for residual in found:
+        if residual.shape != (1, 1):
+            count = residual.numel()
+            raise OctoctrlError(f"{told}; it gives {count} numbers for an instant where one is needed: take a column by row[:, index]")
+    return found
 
 
 class Rows:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
+from octoctrl.sim.errors import OctoctrlError
 
 from ..asking.schedule import Schedule
 from ..asking.task import Task
@@ -321,7 +322,12 @@ class Problem:
         unit = np.eye(len(x))[:, free]
         numbers = [Slopes(value, row) for value, row in zip(x, unit, strict=True)]
         _, primitives = self.primitives(numbers)
-        activation = Schedule(primitives=(*self.present.before, *primitives), duration=1.0, composition="handover").activation()
+        try:
+            activation = Schedule(primitives=(*self.present.before, *primitives), duration=1.0, composition="handover").activation()
+        except TypeError as error:
+            raise OctoctrlError(
+                f"templates of a primitive whose numbers the planner chooses may use + - * / and powers alone: {error}"
+            ) from error
         step_slopes = np.concatenate([np.tile(unit[phase] / steps, (steps, 1)) for phase, steps in enumerate(grid.steps)])
         times = np.cumsum(np.repeat(x[: len(grid.steps)] / grid.steps, grid.steps)) + self.present.clock - self.model.lag - self.delay
         time = Slopes(times[:, None], np.cumsum(step_slopes, axis=0)[:, None, :])

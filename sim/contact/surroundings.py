@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..contracts import Motion, joined
 from ..errors import OctoctrlError
+from ..findings import Finding
 from ..scene.objects import BEARABLE, RigidObject, frame_of
 from ..scene.supports import Free
 from .bodies import notes_of, release
@@ -21,6 +22,8 @@ Floats = NDArray[np.float64]
 
 ROUNDING = 1e-6
 """Overlap (m) of two objects that counts as touching."""
+FASTEST = 10.0
+"""Speed (m/s) of an object beyond which nothing is certain any more, as of the arm."""
 PREFIX = "touch "
 """Before the names of objects in the series of a recording."""
 
@@ -153,11 +156,21 @@ class Surroundings:
         while done < samples:
             self.change(first + done, sample)
             left = self.before_change(first + done, sample)
-            motions.append(go(slice(done, (samples if left is None else min(samples, done + left)) + 1)))
+            motions.append(self._followed(go(slice(done, (samples if left is None else min(samples, done + left)) + 1))))
             done += len(motions[-1].points)
             if motions[-1].finding:
                 break
         return joined(motions)
+
+    def _followed(self, motion: Motion) -> Motion:
+        """A `motion` up to where the first object goes astray, if one does: nobody would see it pass through the arm."""
+        for name, notes in motion.series.items():
+            speed = np.linalg.norm(notes[:, Note.VELOCITY : Note.VELOCITY + 3], axis=1) if name.startswith(PREFIX) else np.empty(0)
+            astray = ~((speed < FASTEST) & np.isfinite(notes[:, : Note.VELOCITY]).all(axis=1)) if len(speed) else np.empty(0, dtype=bool)
+            if astray.any():
+                motion = motion.until(int(astray.argmax()))
+                motion = motion._replace(finding=Finding.ASTRAY, rod=f"object '{name.removeprefix(PREFIX)}'")
+        return motion
 
     def before_change(self, first: int, sample: float) -> int | None:
         """Samples from number `first` to where an object is let go, or a push begins or ends; None if there is no such."""

@@ -12,7 +12,7 @@ from ..body.arm import Arm
 from ..body.layout import MuscleLayout
 from ..contracts import ActivationSource, Core, Floats, Motion, State
 from ..errors import OctoctrlError, PlantUnstableError, check_kind, check_number
-from ..findings import Finding
+from ..findings import Finding, Stop
 from ..scene.loads import Load, checked_loads, sampled_loads
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
@@ -375,7 +375,7 @@ class Plant:
             motion = core.move(self._samples, rest, clock)
             again = self._automatic and bool(core.finer)
             if motion.finding is Finding.SUNK:
-                motion = motion.without_last() if again else motion._replace(finding=Finding.FINE)
+                motion = motion.until(-1) if again else motion._replace(finding=Finding.FINE)
             if keep or motion.finding:
                 pieces.append(self._piece(motion, levels["arm"][done:]))
             moved = len(motion.points)
@@ -384,7 +384,10 @@ class Plant:
                 continue
             finer = self._finer(before, rest, moved) if again else None
             if finer is None:
-                stop = core.explain(before, self._samples, rest, motion, clock)
+                if motion.finding is Finding.ASTRAY:
+                    stop = Stop.astray((self._samples + moved + 1) * clock.sample, motion.rod)
+                else:
+                    stop = core.explain(before, self._samples, rest, motion, clock)
                 core.restore(good)
                 self._samples = first
                 kept = Recording.joined(pieces).until(stop.time - 0.5 * clock.step)

@@ -316,7 +316,8 @@ class Plane(RigidObject):
 
 def frame_of(item: RigidObject) -> Floats:
     """Directors (3, 3), rows d1, d2, d3, of an object at the begin; d1 is as near to +z as can be, or to +x."""
-    d3 = np.asarray(item.axis, dtype=float) / np.linalg.norm(item.axis)
+    d3 = np.asarray(item.axis, dtype=float) / np.abs(item.axis).max()  # whose squares are neither nothing nor beyond all numbers
+    d3 /= np.linalg.norm(d3)
     aside = np.array([0.0, 0.0, 1.0]) if abs(d3[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     d1 = aside - (aside @ d3) * d3
     d1 /= np.linalg.norm(d1)

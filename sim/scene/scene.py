@@ -38,8 +38,11 @@ class Water:
     factor: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("density", "normal_coefficient", "tangential_coefficient", "ring_rate", "oblique_rate", "factor"):
-            check_number(name, getattr(self, name), at_least=0.0)
+        for name, most, unit in (
+            ("density", 1e5, "kg/m^3"), ("normal_coefficient", 1e3, ""), ("tangential_coefficient", 1e3, ""), ("ring_rate", 1e6, "1/s"),
+            ("oblique_rate", 1e6, "1/s"), ("factor", 1e6, ""),
+        ):  # fmt: skip
+            check_number(name, getattr(self, name), at_least=0.0, at_most=most, unit=unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -66,7 +66,10 @@ class MeasuredGoal:
     def miss(self, recording: Recording, trace: TopologyTrace, arm: Arm) -> Floats:
         """By how much the goal is missed at each instant of a recording, (T,)."""
         found = self.residuals(RecordedOutputs(recording, trace, arm))
-        return np.sqrt(np.sum([np.square(residual) for residual in found], axis=0))
+        miss: Floats = np.sqrt(np.sum([np.square(residual) for residual in found], axis=0))
+        if miss.shape != recording.time.shape:
+            raise OctoctrlError(f"goal {self} gives the shape {miss.shape} for {recording.time.size} instants; one number each is needed")
+        return miss
 
     def beyond(self, reach: Reach) -> str:
         """What the limit at rest is if the goal lies beyond it; nothing is known against most."""
