@@ -3,6 +3,7 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from octoctrl.files.configuration import parse
 from octoctrl.judging.verification import Limits, verify
 from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.progress import NullProgress, Progress, RichProgress
+from octoctrl.sim.errors import OctoctrlWarning
 
 HEAVY = ("numba", "casadi", "control", "scipy", "matplotlib")
 
@@ -117,6 +119,21 @@ def test_a_fault_of_ours_has_a_code_of_its_own(capsys, monkeypatch):
     assert line == ("octoctrl: a fault of octoctrl, KeyError: 'gone\\naway'; the same command with --debug shows where, please report it")
     assert main(["--debug", "tasks"]) == 70
     assert "Traceback" in capsys.readouterr().err
+
+
+def test_warnings_are_sentences_and_counted(capsys, monkeypatch):
+    def warned():
+        for degrees in (0.1, 2.0, 0.7):
+            warnings.warn(f"the arm starts within {degrees} degrees of the opposite of the pole", OctoctrlWarning, stacklevel=2)
+        warnings.warn("this once", OctoctrlWarning, stacklevel=2)
+        warnings.warn("overflow", RuntimeWarning, stacklevel=2)
+        return {"coil": "a coil"}
+
+    monkeypatch.setattr(tasks, "descriptions", warned)
+    assert main(["tasks"]) == 0
+    said = "the arm starts within 0.1 degrees of the opposite of the pole"
+    lines = [f"octoctrl: {said}", "octoctrl: this once", f"octoctrl: so it was 3 times, with numbers of its own each: {said}"]
+    assert capsys.readouterr().err.splitlines() == lines
 
 
 @pytest.mark.parametrize(

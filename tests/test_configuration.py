@@ -1,7 +1,10 @@
 import itertools
+import re
 import tomllib
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from math import inf, pi
+from pathlib import Path
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -10,18 +13,21 @@ from hypothesis import strategies as st
 
 from octoctrl import tasks
 from octoctrl.files.configuration import Configuration, PlanSettings, RunSettings, parse
-from octoctrl.files.conversion import build
+from octoctrl.files.conversion import UNIT_OF, UNITS, build
 from octoctrl.files.toml_source import Source
 from octoctrl.files.toml_writing import toml_of
 from octoctrl.planners.asking.goals.keep_out import CapsuleZone, HalfSpaceZone, SphereZone
 from octoctrl.planners.asking.primitives import Shorten, Twist
-from octoctrl.planners.asking.registry import goal, goal_kinds
+from octoctrl.planners.asking.registry import goal, goal_kinds, primitive_kinds
 from octoctrl.planners.asking.task import Drive, Phase, Task
 from octoctrl.planners.contracts import When
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, LumpedSection
+from octoctrl.sim.body.squid import SquidTentacle
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.scene import Scene, Water
 from octoctrl.sim.templates import WRITE_THRESHOLD
+
+ROOT = Path(__file__).parent.parent
 
 words = st.text(st.characters(codec="utf-8", exclude_categories=("Cs",)), max_size=12)
 names = st.text("abdefghij_", min_size=1, max_size=8)
@@ -420,3 +426,48 @@ def test_all_programmes_are_tested_and_stay_in_bounds():
         activation, duration = programme.activation, programme.duration
         levels = activation.levels(np.linspace(0, duration, 50), np.linspace(0, 0.2, 61))
         assert levels.shape == (50, len(MUSCLE_GROUPS), 60)
+
+
+def reachable(kind, found):
+    """All dataclasses of which a task file can speak, by their annotations."""
+    if not isinstance(kind, type) or not is_dataclass(kind):
+        for inner in get_args(kind):
+            reachable(inner, found)
+    elif kind not in found:
+        found.add(kind)
+        for other in (*get_type_hints(kind).values(), *kind.__subclasses__()):
+            reachable(other, found)
+    return found
+
+
+def test_units_of_fields_are_those_of_their_docstrings():
+    """All that have one unit wherever they stand; those of a goal are its own."""
+    others = {"tolerance", "value", "stiffness", "smoothness_weight"}
+    found = reachable(Configuration, set())
+    for kind in (*goal_kinds().values(), *primitive_kinds().values()):
+        reachable(kind, found)
+    seen, missed = set(), set()
+    for kind in (kind for kind in found if kind.__module__.startswith("octoctrl")):
+        for names, said in re.findall(r"^ *(\w+(?:, \w+)*) : ([^\n]*)$", kind.__doc__ or "", re.M):
+            unit = next((word for word in reversed(said.split(", ")) if word in UNITS), None)
+            for name in (set(names.split(", ")) & {item.name for item in fields(kind)}) - others if unit else ():
+                seen.add(name)
+                missed |= {f"{kind.__name__}.{name} {unit}"} if UNIT_OF.get(name) != unit else set()
+    assert SquidTentacle in found and {"apex", "delay", "length", "speed", "azimuth", "sarcomere"} <= seen and not missed
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("examples/*.toml")), ids=lambda path: path.stem)
+def test_examples_are_the_same_after_they_were_written_out(path):
+    read = tasks.load(path)
+    assert parse(toml_of(read), folder=path.parent) == read
+
+
+def test_the_kind_of_an_object_is_a_word():
+    for odd in ("[]", "{}", "[1]"):
+        with pytest.raises(OctoctrlError, match="unknown kind"):
+            tasks.load("grasp", overrides=[f"scene.objects[0].kind={odd}"])
+
+
+def test_numbers_beside_a_share_of_the_arm_are_checked_where_they_stand():
+    with pytest.raises(OctoctrlError, match=r"--set task.drives\[0\].settings.rise: rise=0 s is outside > 0 s"):
+        tasks.load("coil", overrides=["task.drives.twist.settings.window=['0 %', '90 %']", "task.drives.twist.settings.rise=0"])

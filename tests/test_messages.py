@@ -168,7 +168,9 @@ OBJECTS = [
     (lambda: oc.Drive(name="a", primitive=Mine((), bounds=3), begins="b"), "drive 'a': Mine gives the bounds 3; ranges by name are needed, such as {\"level\": (0, 0.6)}"),
     (lambda: oc.Drive(name="a", primitive=Mine((), bounds={"level": (0.0, float("inf"))}), begins="b"), "drive 'a': Mine: range of level is (0.0, inf); two finite numbers are needed, such as (0, 0.6)"),
     (lambda: residual_function([Odd(lambda outputs: outputs.tip)], oc.Arm(), 8), "goal odd: its formula must serve arrays and CasADi expressions alike, with `outputs.math` and without branches; it gives 3 numbers for an instant where one is needed: take a column by row[:, index]"),
-    (lambda: residual_function([Odd(lambda outputs: abs(outputs.colour))], oc.Arm(), 8), "goal odd: its formula must serve arrays and CasADi expressions alike, with `outputs.math` and without branches; it ended in AttributeError: 'ModelOutputs' object has no attribute 'colour'"),
+    (lambda: residual_function([Odd(lambda outputs: abs(outputs.colour))], oc.Arm(), 8), "goal odd: its formula must serve arrays and CasADi expressions alike, with `outputs.math` and without branches; it ended with: 'ModelOutputs' object has no attribute 'colour'"),
+    (lambda: oc.topology_of([[0.0, 0.0, 0.0]]), "centreline is [[0.0, 0.0, 0.0]]; a Centreline is needed: time and points of the line, or what oc.read_centreline gives"),
+    (lambda: oc.Centreline(time=[0.0], points=[[[0.0, 0.0, 0.0]] * 3]), "nodes 0 and 1 of frame 0 coincide; every segment needs a length"),
 ]  # fmt: skip
 
 

@@ -4,18 +4,21 @@ Exit codes: 0 well, 1 verdict failed, 2 bad input, 3 no plan, 4 plant unstable, 
 interrupted.
 """
 
+import contextlib
 import os
+import re
 import signal
 import sys
 import traceback
 import warnings
-from collections.abc import Callable
-from typing import Annotated
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any
 
 import typer
 
 from octoctrl import __version__
-from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.errors import OctoctrlError, OctoctrlWarning, PlantUnstableError
 
 from . import installation, judging, measured, measuring, planning, running, sweeping
 from .codes import ExitCode
@@ -65,10 +68,9 @@ def main(argv: list[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in arguments
     _treat_termination_as_interrupt()
-    # Numbers that overflow or are none are told as results; what NumPy has to say about them is no sentence for a user.
-    warnings.filterwarnings("ignore", category=RuntimeWarning)
     try:
-        code = app(args=[word for word in arguments if word != "--debug"], prog_name="octoctrl", standalone_mode=False)
+        with _told():
+            code = app(args=[word for word in arguments if word != "--debug"], prog_name="octoctrl", standalone_mode=False)
         sys.stdout.flush()
         if code == ExitCode.INTERRUPTED:
             say("interrupted")
@@ -87,6 +89,35 @@ def main(argv: list[str] | None = None) -> int:
         code, text = _complaint(error)
         say(f"octoctrl: {text}")
         return code
+
+
+@contextlib.contextmanager
+def _told() -> Iterator[None]:
+    """Say each warning in a sentence while a command runs; of those that differ by numbers alone the first, and in the end how many."""
+    first, counts = dict[str, str](), Counter[str]()
+    usual = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *rest: Any, **more: Any) -> None:
+        if not issubclass(category, OctoctrlWarning):
+            usual(message, category, *rest, **more)
+            return
+        kind = re.sub(r"[-+.\d]+", "0", str(message))
+        counts[kind] += 1
+        if kind not in first:
+            first[kind] = str(message)
+            say(f"octoctrl: {message}")
+
+    with warnings.catch_warnings():
+        # Numbers that overflow or are none are told as results; what NumPy has to say about them is no sentence for a user.
+        warnings.filterwarnings("ignore", category=RuntimeWarning)
+        warnings.filterwarnings("always", category=OctoctrlWarning)
+        warnings.showwarning = show
+        try:
+            yield
+        finally:
+            for kind, count in counts.items():
+                if count > 1:
+                    say(f"octoctrl: so it was {count} times, with numbers of its own each: {first[kind]}")
 
 
 _CLICK = {"ClickException": ExitCode.BAD_INPUT, "Abort": ExitCode.INTERRUPTED}

@@ -34,8 +34,8 @@ UNITS: dict[str, tuple[str, dict[str, int | None]]] = {
 
 _FIELDS_IN = {
     "m": "length base_radius ring_radius oblique_radius oblique_pitch window width centre radius margin start stop point position size "
-    "stretch vertices",
-    "s": "duration shortest longest rise fall onset offset time_limit hold since until period lasts times",
+    "stretch vertices apex arclength sarcomere myosin",
+    "s": "duration shortest longest rise fall onset offset time_limit hold since until period lasts times delay",
     "m/s": "speed velocity",
     "Pa": "youngs_modulus shear_modulus maximum_stress compression_modulus",
     "rad": "sucker_azimuth azimuth",
@@ -127,7 +127,7 @@ def _build_table(classes: list[Any], table: Any, source: Source, path: Path, def
     if kind.__name__ not in known and "kind" not in table:
         raise OctoctrlError(f"{source.where(path)}: 'kind' is missing ({', '.join(known)})")
     if "kind" in table and not any(item.name == "kind" for item in fields(kind)):
-        name = next((word for word in known if word.lower() == str(table["kind"]).lower()), table["kind"])
+        name = next((word for word in known if word.lower() == str(table["kind"]).lower()), str(table["kind"]))
         if name not in known:
             raise OctoctrlError(f"{source.where((*path, 'kind'))}: unknown kind '{brief(name)}'{suggest(name, known)} ({', '.join(known)})")
         default, kind = default if known[name] is kind else None, known[name]

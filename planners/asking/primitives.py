@@ -4,8 +4,9 @@ A primitive turns into activation templates for the plant and, through the same 
 their own by writing a frozen dataclass with the methods of `octoctrl.planners.contracts.Primitive` and registering it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from math import inf
+from typing import Any
 
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
 from octoctrl.sim.errors import check_choice
@@ -13,7 +14,7 @@ from octoctrl.sim.templates import Plateau, Pulse, Template, Wave
 
 from ..contracts import Expression
 from .registry import register_primitive
-from .shares import Length, unresolved
+from .shares import Length, Share, unresolved
 
 
 def neighbours(side: str) -> tuple[str, ...]:
@@ -28,10 +29,13 @@ LEVEL_BOUNDS, RAMP_BOUNDS, SPEED_BOUNDS = (0.0, 0.75), (0.1, 4.0), (0.01, 0.5)
 
 
 def _settle(primitive: "_Ramped | _Fronts | CarriedBend") -> None:
-    """Check the numbers, as soon as the arm is known; a window may come as a list and is kept as a tuple."""
+    """Check the numbers; those that are shares of the arm, as soon as it is known. A window may come as a list and is kept as a tuple."""
     if isinstance(primitive.window, list):
         object.__setattr__(primitive, "window", tuple(primitive.window))
-    if not unresolved(primitive):
+    if unresolved(primitive):
+        numbers: dict[str, Any] = {item.name: 0.01 for item in fields(primitive) if isinstance(getattr(primitive, item.name), Share)}
+        replace(primitive, **(numbers | {"window": (0.0, 1.0)}))
+    else:
         primitive.templates()
 
 

@@ -143,7 +143,7 @@ def _residuals(goal: Goal, outputs: Outputs) -> list[ca.SX]:
     except OctoctrlError:
         raise
     except Exception as error:
-        raise OctoctrlError(f"{told}; it ended in {type(error).__name__}: {brief(error)}") from error
+        raise OctoctrlError(f"{told}; it ended with: {brief(error)}") from error
     for residual in found:
         if residual.shape != (1, 1):
             count = residual.numel()

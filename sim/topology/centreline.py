@@ -51,6 +51,7 @@ class Centreline(Record):
 
     def __post_init__(self) -> None:
         settle(self)
+        object.__setattr__(self, "points", numbers("points", self.points))
         series, _ = point_series(self.points)
         time = np.atleast_1d(numbers("time", self.time))
         if self.points.ndim != 3 or series.shape[1] < LEAST_POINTS:

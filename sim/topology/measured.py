@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import OctoctrlWarning, check_number
+from ..errors import OctoctrlWarning, check_kind, check_number
 from ..records import Record
 from .centreline import Centreline
 from .inputs import Floats, unit_pole
@@ -105,6 +105,7 @@ def topology_of(
     OctoctrlError
         If an argument is out of range, or what `octoctrl.sim.topology.measures.measure` refuses.
     """
+    check_kind("centreline", centreline, Centreline, "time and points of the line, or what oc.read_centreline gives")
     if noise is not None:
         check_number("noise", noise, at_least=0.0, unit="m")
     points, frames = centreline.ribbon()
