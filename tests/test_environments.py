@@ -205,3 +205,27 @@ def test_a_missing_extra_says_its_command():
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert "this needs gymnasium, which is not installed: pip install 'octoctrl[gym]'" in done.stderr
     assert octoctrl.connect.gym and issubclass(Reach, ArmEnv)
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda: Reach(render_mode="human"), "unknown render_mode 'human' (rgb_array)"),
+        (lambda: Reach().step(np.zeros(3)), "action is [0. 0. 0.]; 11 finite numbers are needed"),
+        (
+            lambda: Twist().step([np.nan] * 11),
+            "action is [nan, nan, nan, nan, nan, nan, nan, nan, nan, nan, nan]; 11 finite numbers are needed",
+        ),
+        (lambda: Twist().step("left"), "action is left; 11 finite numbers are needed"),
+        (lambda: Twist().reset(options={"goal": np.nan}), "goal is nan; 1 finite number is needed"),
+        (lambda: ThreadedEnv(Twist, 0), "num_envs=0 is outside >= 1"),
+        (lambda: ThreadedEnv(Twist, 1, threads=0), "threads=0 is outside >= 1"),
+        (lambda: ThreadedEnv(Twist, 2).step(np.zeros((1, 11))), "actions has 1 entries for 2 environments; one for each is needed"),
+        (lambda: ThreadedEnv(Twist, 2).reset(seed=[1, 2, 3]), "seed has 3 entries for 2 environments; one for each is needed"),
+    ],
+    ids=range(9),
+)
+def test_what_does_not_fit_is_refused(ask, message):
+    with pytest.raises(OctoctrlError) as caught:
+        ask()
+    assert str(caught.value) == message

@@ -11,7 +11,7 @@ import numpy as np
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm
 from octoctrl.sim.contact.measures import covered_winding
 from octoctrl.sim.contracts import Floats
-from octoctrl.sim.errors import PlantUnstableError, check_number
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, brief, check_choice, check_number
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.running.observation import Observation
 from octoctrl.sim.scene.objects import Capsule, RigidObject, frame_of
@@ -32,6 +32,10 @@ SEEN = 8
 
 FARTHEST, FASTEST, MOST_TURNS = 4.0, 50.0, 20.0
 """Bounds of what is observed: places in arm lengths, velocities in arm lengths per second, twist and lifted writhe in turns."""
+
+
+MODES = ("rgb_array",)
+"""Ways in which an environment can be shown."""
 
 
 class Ramp:
@@ -70,12 +74,14 @@ class ArmEnv(_Env):
         The octopus arm if omitted.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 20}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(MODES), "render_fps": 20}
     goal_size: ClassVar[int] = 1
     tolerance: ClassVar[float]
     """Distance at which the goal counts as reached."""
 
     def __init__(self, render_mode: str | None = None, *, period: float = 0.05, horizon: float = 2.0, arm: Arm | None = None) -> None:
+        if render_mode is not None:
+            check_choice("render_mode", render_mode, MODES)
         check_number("period", period, above=0.0, unit="s")
         check_number("horizon", horizon, at_least=period, unit="s")
         self.render_mode, self.period, self.horizon, self.arm = render_mode, period, horizon, arm or Arm.octopus()
@@ -110,7 +116,7 @@ class ArmEnv(_Env):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode: the arm at rest, and a new goal, drawn from `seed` if there is one; `options` may hold a ``goal``."""
         super().reset(seed=seed)
-        self.goal = np.asarray((options or {}).get("goal", self.new_goal()), dtype=float).reshape(self.goal_size)
+        self.goal = _numbers("goal", (options or {}).get("goal", self.new_goal()), self.goal_size)
         self.prepare()
         self._action, self._writhe = np.zeros(len(MUSCLE_GROUPS)), 0.0
         found, distance = self._look(self.plant.reset())
@@ -121,7 +127,7 @@ class ArmEnv(_Env):
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Go on by a period, towards the levels `action`."""
-        level = np.clip(np.asarray(action, dtype=float), 0.0, 1.0)
+        level = np.clip(_numbers("action", action, len(MUSCLE_GROUPS)), 0.0, 1.0)
         unstable = False
         try:
             seen = self.plant.step(Ramp(self._action, level, self.plant.time, self.period), self.period)
@@ -161,6 +167,23 @@ class ArmEnv(_Env):
         edges = self.plant.edges
         radii: Floats = np.asarray(self.arm.section((edges[1:] + edges[:-1]) / 2).outer_radius)
         return radii
+
+
+def _numbers(name: str, values: Any, count: int) -> Floats:
+    """Finite numbers (count,).
+
+    Raises
+    ------
+    OctoctrlError
+        If they are something else.
+    """
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        found = np.full(0, np.nan)
+    if found.size != count or not np.isfinite(found).all():
+        raise OctoctrlError(f"{name} is {brief(values)}; {count} finite number{'s are' if count > 1 else ' is'} needed")
+    return found.reshape(count)
 
 
 class Reach(ArmEnv):

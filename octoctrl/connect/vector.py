@@ -7,6 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from octoctrl.sim.errors import OctoctrlError, check_count
+
 from ..extras import extra
 from .environments import ArmEnv
 
@@ -31,6 +33,9 @@ class ThreadedEnv(_VectorEnv):
     metadata: ClassVar[dict[str, Any]] = {**ArmEnv.metadata, "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
 
     def __init__(self, make: Any, num_envs: int = 1, *, threads: int | None = None, **options: Any) -> None:
+        check_count("num_envs", num_envs)
+        if threads is not None:
+            check_count("threads", threads)
         self.num_envs, self.envs = num_envs, [make(**options) for _ in range(num_envs)]
         self.render_mode = self.envs[0].render_mode
         self.single_action_space, self.single_observation_space = self.envs[0].action_space, self.envs[0].observation_space
@@ -46,12 +51,14 @@ class ThreadedEnv(_VectorEnv):
         """Begin an episode in each; a single `seed` stands for itself, its successor and so on, and `options` are for all."""
         if seed is None or isinstance(seed, int):
             seed = [None if seed is None else seed + index for index in range(self.num_envs)]
+        self._check_each("seed", seed)
         found = list(self._pool.map(lambda env, one: env.reset(seed=one, options=options), self.envs, seed))
         self._ended[:] = False
         return np.stack([seen for seen, _ in found]), self._infos([info for _, info in found])
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Go on by a period in each, towards its row of `actions`."""
+        self._check_each("actions", actions)
         found = list(self._pool.map(self._step, range(self.num_envs), actions))
         seen, rewards, ended, cut, infos = zip(*found, strict=True)
         self._ended = np.array(ended) | np.array(cut)
@@ -64,6 +71,10 @@ class ThreadedEnv(_VectorEnv):
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads; takes no `kwargs`."""
         self._pool.shutdown()
+
+    def _check_each(self, name: str, values: Any) -> None:
+        if len(values) != self.num_envs:
+            raise OctoctrlError(f"{name} has {len(values)} entries for {self.num_envs} environments; one for each is needed")
 
     def _step(self, index: int, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         if self._ended[index]:
