@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from octoctrl.sim.archives import check_source
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, check_choice
+from octoctrl.sim.errors import OctoctrlError, PlantUnstableError, check_choice, check_kind
 from octoctrl.sim.plants import check_plant, make_plant, warmup
 from octoctrl.sim.scene.scene import Scene
 
@@ -131,6 +131,9 @@ def load_model(model: "str | Path | IdentifiedModel | None", arm: Arm, scene: Sc
         check_source(model, f"make one with: octoctrl identify -o {Path(model).name}")
         name, loaded = str(model), identified.IdentifiedModel.load(model, arm, scene)
     else:
+        check_kind(
+            "model", model, identified.IdentifiedModel, "the path of a file that octoctrl identify wrote, or IdentifiedModel.load of it"
+        )
         name, loaded = "the model", model
     if loaded.plant != plant:
         raise OctoctrlError(

@@ -80,6 +80,10 @@ def plan(
     configuration = as_configuration(task)
     arm = configuration.arm if arm is None else arm
     scene = configuration.scene if scene is None else scene
+    check_kind("arm", arm, Arm)
+    check_kind("scene", scene, Scene)
+    if guess is not None:
+        check_kind("guess", guess, Plan, "what oc.plan gives, or oc.load of its file")
     identified = load_model(model, arm, scene, configuration.run.plant if plant is None else plant)
     if configuration.plan.sections is not None:
         identified = identified.divided(configuration.plan.sections)

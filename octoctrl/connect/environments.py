@@ -179,7 +179,7 @@ def _numbers(name: str, values: Any, count: int) -> Floats:
     """
     try:
         found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = np.full(0, np.nan)
     if found.size != count or not np.isfinite(found).all():
         raise OctoctrlError(f"{name} is {brief(values)}; {count} finite number{'s are' if count > 1 else ' is'} needed")

@@ -148,7 +148,7 @@ def finite_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """
     try:
         found = np.array(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise OctoctrlError(f"{name}: expected numbers of shape {shape}, found {type(value).__name__} {brief(value)}") from None
     if found.shape != shape:
         raise OctoctrlError(f"{name}: expected shape {shape}, found {found.shape}")
