@@ -50,8 +50,9 @@ rounds, how many of the best it goes on from, and price at which it ends."""
 FAR, NARROW = 1.0, 0.5
 """How far apart the searches that follow a survey begin, in its spreads, and how far they look at first, over the usual."""
 
-SETTLING = 2
-"""Rounds of trials that are not rough at most, where nothing that rough ones found is good enough."""
+SETTLING, FAIR = 2, 0.65
+"""Rounds of trials that are not rough at most, where nothing that rough ones found is good enough, and price below which that costs more
+time than it is worth: such grasps were held on the full arm, though a scenario may lose them."""
 
 LOOKS = 14
 """Instants at which the way of a programme is looked at in free water."""
@@ -395,11 +396,12 @@ def _judged_anew(stage: Stage, work: Work, seed: int, found: Sequence[Searched])
 
 
 def _settle(stage: Stage, work: Work, seed: int, found: Sequence[Searched], settled: list[Searched]) -> None:
-    """Judge anew what was `found` and not good enough for that, and go on from the best of all, if nothing that is `settled` is good."""
+    """Judge anew what was `found` and not good enough for that, and go on from the best of all, if nothing that is `settled` is fair."""
     left = [result for result in found if not _good([result])]
     if left and not _good(settled) and not work.over():
         settled.append(_judged_anew(stage, work, seed, left))
-    if settled and settled[-1].candidates and not _good(settled) and not work.over():
+    fair = _good(settled) or any(item.best.price <= FAIR for item in settled if item.candidates)
+    if settled and settled[-1].candidates and not fair and not work.over():
         _rounds(stage, work, stage.unknowns, min(SETTLING, work.rounds), seed, after=_best(settled))
 
 
