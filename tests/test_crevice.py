@@ -11,6 +11,7 @@ import octoctrl as oc
 from octoctrl.carrying import calibrating, searching
 from octoctrl.carrying.adapting import adapted
 from octoctrl.carrying.checking import Programme
+from octoctrl.carrying.phase_search import Work
 from octoctrl.planners.asking.goals.gap import GapGoal
 from octoctrl.planners.asking.goals.length import LengthGoal
 from octoctrl.planners.asking.goals.twist import TwistGoal
@@ -78,7 +79,7 @@ def test_turns_are_chosen_on_the_plant_whose_curve_promised_too_many():
         oc.Drive(name="twist", primitive=StoreTwist(turns=0.3, stop=0.1), begins="twist", free=("stop", "turns")),
     )
     task, numbers = oc.Task(name="twisted", phases=phases, drives=drives), {"lean.level": 0.005, "twist.turns": 0.3, "twist.stop": 0.1}
-    work = searching.Work(ARM, oc.Scene(water=oc.Water()), None, searching.NullProgress(), 1.0, 0)
+    work = Work(ARM, oc.Scene(water=oc.Water()), None, searching.NullProgress(), 1.0, 0)
     stage = searching._stage(task, phases[1:], (), work, (PLANNED,), (None,), true)
     primitives = tuple(drive.at(stage.begins, {}) for drive in drives)
     programme = Programme(task, numbers, primitives, stage.run_through(primitives))
@@ -97,7 +98,7 @@ def two_ways_to_shorten(goal):
     phase = oc.Phase(name="shorten", duration=1.5, goals=(goal,))
     drive = oc.Drive(name="shorten", primitive=oc.Shorten(level=0.1, rise=0.5, window=(0.0, 0.1)), begins="shorten", free=("level", "rise"))
     task = oc.Task(name="shortened", phases=(phase,), drives=(drive,))
-    work = searching.Work(ARM, oc.Scene(water=oc.Water()), None, searching.NullProgress(), 1.0, 0)
+    work = Work(ARM, oc.Scene(water=oc.Water()), None, searching.NullProgress(), 1.0, 0)
     stage = searching._stage(task, (phase,), (), work, (PLANNED,), (None,), calibrating.twist_curve(ARM, oc.Water(), "rod"))
 
     def programme(level):

@@ -9,8 +9,9 @@ from conftest import ROOT
 from matplotlib.colors import rgb_to_hsv
 
 import octoctrl as oc
-from octoctrl.carrying import calibrating, searching, tugging
+from octoctrl.carrying import calibrating, phase_search, searching, tugging
 from octoctrl.carrying.checking import Programme
+from octoctrl.carrying.phase_search import Work
 from octoctrl.carrying.searching import plan_by_search
 from octoctrl.carrying.trials import plant_for, schedule_of
 from octoctrl.carrying.tugging import tugs
@@ -504,13 +505,13 @@ def test_a_plan_is_held_only_where_the_whole_verdict_passes(hold, monkeypatch):
 
 def test_a_search_that_comes_near_nothing_looks_round_once_more_and_one_candidate_is_checked(monkeypatch):
     """A thin post behind the base, which no bend reaches."""
-    monkeypatch.setattr(searching, "SURVEYED", 5)
+    monkeypatch.setattr(phase_search, "SURVEYED", 5)
     configuration = task_for(replace(POST, radius=4e-3, position=(-0.09, -0.06, 0.0)))
     base = oc.plan(task_for(replace(POST, radius=0.025)))
     found = plan_by_search(configuration.task, replace(base.model, scene=configuration.scene), population=2, rounds=40)
     searched = [line for line in found.report.tried if line.startswith("phase")]
     assert found.status is PlanStatus.MISSED
-    assert found.report.starts == 1 + 2 * (5 * searching.SURVEY_ROUNDS + 2 * searching.FIRST_ROUNDS), "one start of each survey"
+    assert found.report.starts == 1 + 2 * (5 * phase_search.SURVEY_ROUNDS + 2 * phase_search.FIRST_ROUNDS), "one start of each survey"
     for line, seed in zip(searched[:2], (3, 7), strict=True):
         said = f"phase 'grasp', survey with seed {seed}: 20 candidates in 4 rounds, 20 runs of 100 s in all"
         assert line.startswith(said), "as planned alone"
@@ -520,7 +521,7 @@ def test_a_search_that_comes_near_nothing_looks_round_once_more_and_one_candidat
 def test_candidates_that_fewer_scenarios_lose_are_carried_out_first(hold):
     plan, _, _ = hold
     (curl,) = plan.schedule.primitives
-    work = searching.Work(ARM, plan.scene, None, searching.NullProgress(), 1.0, 0)
+    work = Work(ARM, plan.scene, None, searching.NullProgress(), 1.0, 0)
     task = replace(plan.task, drives=(oc.Drive(name="curl", primitive=replace(curl, onset=0.0), begins="grasp"),), choose=None)
     stage = searching._stage(task, task.phases, (), work, (PLANNED, Scenario(bend=0.3)), (None, None), CURVE)
     given = [(replace(curl, level=0.3 * curl.level),), (curl,), (replace(curl, speed=1.01 * curl.speed),)]
@@ -583,7 +584,7 @@ def test_phases_that_are_searched_together_cost_what_they_cost_one_by_one(hold):
     )
     task = replace(plan.task, phases=phases, drives=drives, choose=None)
     assert searching.at_once(task) == [phases[:2], phases[2:]]
-    work = searching.Work(ARM, plan.scene, None, searching.NullProgress(), 1.0, 0)
+    work = Work(ARM, plan.scene, None, searching.NullProgress(), 1.0, 0)
 
     def stage(phases, settled=(), states=(None,)):
         return replace(searching._stage(task, phases, settled, work, (PLANNED,), states, CURVE), neighbours=0)

@@ -1,0 +1,230 @@
+"""The search of one phase by simulation: surveys where there is a region to look round, rounds from several starts, and more from the best.
+
+Where trials may be quick, the first rounds are rough ones, at less than half the time; what they promise is judged anew by usual trials.
+"""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+
+import numpy as np
+
+from octoctrl.planners.contracts import Floats
+from octoctrl.planners.solving.cross_entropy import GOOD_ENOUGH, Candidate, Searched, Unknowns, search
+from octoctrl.planners.solving.free_shapes import free_points, last_free, turns_near
+from octoctrl.planners.solving.grasping import grasped
+from octoctrl.sim.body.arm import Arm
+from octoctrl.sim.scene.scene import Scene
+
+from ..progress import Progress
+from .trials import Stage, schedule_of
+
+POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
+"""Trials of a round, rounds of a phase at most; how often it begins anew, and after how many rounds of each of these the best goes on
+alone. A search that has lost its way does not find it again; another one may."""
+
+SURVEYS, DRAWN, SURVEYED, SURVEY_ROUNDS, KEPT, NEAR_ENOUGH = 2, 600, 40, 4, 8, 0.45
+"""Surveys of a phase at most, the second where the first leads nowhere; programmes that are drawn for one, how many a round of it tries,
+rounds, how many of the best it goes on from, and price at which it ends."""
+
+FAR, NARROW = 1.0, 0.5
+"""How far apart the searches that follow a survey begin, in its spreads, and how far they look at first, over the usual."""
+
+SETTLING, FAIR = 2, 0.65
+"""Rounds of trials that are not rough at most, where nothing that rough ones found is good enough, and price below which that costs more
+time than it is worth: such grasps were held on the full arm, though a scenario may lose them."""
+
+LOOKS = 14
+"""Instants at which the way of a programme is looked at in free water."""
+
+CANDIDATES, APART = 3, 0.6
+"""Candidates that are checked on the plant, and how far apart they lie, in first spreads."""
+
+
+@dataclass(slots=True)
+class Work:
+    """What a search by simulation needs besides the task.
+
+    Attributes
+    ----------
+    arm : Arm
+    scene : Scene
+    executor : Executor
+    progress : Progress
+    limit : float, s
+        Wall clock.
+    seed : int
+    population, rounds : int
+        Trials of a round, and rounds of a phase at most.
+    spread : float
+        How far it looks at first, over the usual.
+    errors : dict of str to float
+        Of the scenarios, see `octoctrl.planners.solving.scenarios.four`.
+    """
+
+    arm: Arm
+    scene: Scene
+    executor: Executor
+    progress: Progress
+    limit: float
+    seed: int
+    population: int = POPULATION
+    rounds: int = ROUNDS
+    spread: float = 1.0
+    errors: Mapping[str, float] = field(default_factory=dict)
+    begin: float = field(default_factory=perf_counter)
+
+    def over(self) -> bool:
+        """Whether the time is up."""
+        return perf_counter() - self.begin > self.limit
+
+
+def search_phase(stage: Stage, work: Work, index: int, region: Mapping[str, tuple[float, float]]) -> tuple[list[Candidate], list[str], int]:
+    """Search a phase; the best candidates that lie apart, what was tried, and how many trials.
+
+    Where trials may be quick, the first rounds are rough ones, and what they find is settled by others.
+    """
+    name, own, seed, tried = stage.name, stage.unknowns.mean, 1000 * index, replace(stage, rough=stage.quick)
+    if not stage.unknowns.names:
+        return [Candidate(own, stage(own))], [], 1
+    judged = work.executor.submit(stage, own).result()
+    if judged.met or judged.price <= stage.enough:
+        return [Candidate(own, judged)], [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"], 1
+    seen, found, settled = _begun(tried, work, seed, region if judged.price > stage.hopeless else {})
+    best = _apart(found) or [Candidate(own, judged)]
+    if best[0].price > stage.hopeless:  # nothing came near, and more of the same will not
+        best = best[:1]
+    elif tried.rough:
+        _settle(stage, work, seed + STARTS, found, settled)
+        best = _apart(settled) or best
+    elif found:
+        _gone_on(stage, work, seed + STARTS, found)
+        best = _apart(found)
+    said = [f"phase '{name}', survey with {item}" for item in seen] + [f"phase '{name}', {item}" for item in (*found, *settled)]
+    count = 1 + sum(len(item.candidates) for item in (*seen, *found, *settled))
+    return best, said or [f"phase '{name}' was not searched"], count
+
+
+def _begun(
+    stage: Stage, work: Work, seed: int, region: Mapping[str, tuple[float, float]]
+) -> tuple[list[Searched], list[Searched], list[Searched]]:
+    """Surveys, some rounds from each start, and what of them was judged anew, until something is good enough.
+
+    It starts from the task's own numbers or, where there is a `region` to look round, from the best of a survey; if that leads nowhere,
+    from the best of another one.
+    """
+    seen, found, settled, unknowns = list[Searched](), list[Searched](), list[Searched](), stage.unknowns
+    starts = [unknowns] * STARTS
+    for look in range(SURVEYS if region else 1):
+        first = seed + look * (STARTS + 2)
+        if region:
+            seen.append(_surveyed(stage, work, region, first + STARTS + 1))
+            near = seen[-1].candidates and seen[-1].best.price <= stage.hopeless
+            best = seen[-1].apart(STARTS if near else 1, FAR)
+            starts = [replace(unknowns, mean=item.x, spread=NARROW * unknowns.spread) for item in best]
+        for number, start in enumerate(starts):
+            if work.over() or _good(settled if stage.rough else found):
+                break
+            found.append(_rounds(stage, work, start, min(FIRST_ROUNDS, work.rounds), first + number))
+            if stage.rough and _good(found[-1:]):
+                settled.append(_judged_anew(replace(stage, rough=False), work, first + STARTS, found[-1:]))
+        if work.over() or any(result.candidates and result.best.price <= stage.hopeless for result in found):
+            break
+    return seen, [result for result in found if result.candidates], [result for result in settled if result.candidates]
+
+
+def _gone_on(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> None:
+    """The rounds that are left, after that of what was `found` which found the best, unless that is good enough."""
+    left, best = work.rounds - STARTS * FIRST_ROUNDS, _best(found)
+    if left > 0 and best.ended != GOOD_ENOUGH and not work.over():
+        _rounds(stage, work, stage.unknowns, left, seed, after=best)
+
+
+def _judged_anew(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> Searched:
+    """The best of what rough trials `found`, judged by others."""
+    first, spread = [item.x for item in _apart(found)], _best(found).spread
+    again = Searched(unknowns=stage.unknowns, seed=work.seed + seed, mean=first[0], spread=spread)
+    _rounds(stage, work, stage.unknowns, 1, seed, after=again, first=first)
+    if again.candidates:
+        again.mean, again.spread = again.best.x, spread
+    return again
+
+
+def _settle(stage: Stage, work: Work, seed: int, found: Sequence[Searched], settled: list[Searched]) -> None:
+    """Judge anew what was `found` and not good enough for that, and go on from the best of all, if nothing that is `settled` is fair."""
+    left = [result for result in found if not _good([result])]
+    if left and not _good(settled) and not work.over():
+        settled.append(_judged_anew(stage, work, seed, left))
+    fair = _good(settled) or any(item.best.price <= FAIR for item in settled if item.candidates)
+    if settled and settled[-1].candidates and not fair and not work.over():
+        _rounds(stage, work, stage.unknowns, min(SETTLING, work.rounds), seed, after=_best(settled))
+
+
+def _good(found: Sequence[Searched]) -> bool:
+    """Whether something is good enough."""
+    return any(result.ended == GOOD_ENOUGH for result in found)
+
+
+def _best(found: Sequence[Searched]) -> Searched:
+    """The search that came nearest."""
+    return min(found, key=lambda result: _rank(result.best))
+
+
+def _apart(found: Sequence[Searched]) -> list[Candidate]:
+    """The best candidates of all searches that lie apart in theirs."""
+    return sorted((item for result in found for item in result.apart(CANDIDATES, APART)), key=_rank)[:CANDIDATES]
+
+
+def _rank(item: Candidate) -> tuple[bool, float]:
+    """What goes first: that which meets all goals, then by price."""
+    return not item.judgement.met, item.price
+
+
+def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]], seed: int) -> Searched:
+    """What is found in a region, as planned alone: of many programmes those that would go round the object in free water, then others near
+    the best of them.
+
+    A programme that would have to pass through the object on its way counts by where it would be held up.
+    """
+    low, high = np.array([region[name] for name in stage.unknowns.names]).T
+    drawn = np.random.default_rng(work.seed + seed).uniform(low, high, size=(DRAWN, len(low)))
+    end, edges = stage.begins[stage.phases[-1].name] + stage.phases[-1].duration, work.arm.edges
+    times, item = np.linspace(0.0, end, LOOKS), grasped(stage.task, work.scene)
+    levels = np.array([schedule_of(stage.primitives(x), end).activation().levels(times, edges) for x in drawn])
+    points = free_points(levels.reshape(-1, *levels.shape[2:]), work.arm, stage.curve).reshape(DRAWN, LOOKS, -1, 3)
+    near = turns_near(points[np.arange(DRAWN), last_free(points, item)], work.arm, item)
+    first = drawn[np.argsort(-near, kind="stable")[:SURVEYED]]
+    unknowns = replace(stage.unknowns, mean=first[0], spread=(high - low) / 3)
+    work.progress.start(f"looking round for phase '{stage.name}'", float(SURVEYED * SURVEY_ROUNDS))
+    try:
+        found = search(
+            stage.as_planned(), unknowns, work.executor, seed=work.seed + seed, population=SURVEYED, rounds=SURVEY_ROUNDS, elite=KEPT,
+            enough=NEAR_ENOUGH, first=list(first[1:]), stop=work.over, progress=work.progress,
+        )  # fmt: skip
+    finally:
+        work.progress.stop()
+    return _heeded(found, work)
+
+
+def _rounds(
+    stage: Stage, work: Work, start: Unknowns, rounds: int, seed: int, *, after: Searched | None = None, first: Sequence[Floats] = ()
+) -> Searched:
+    """Some rounds of a stage, from a `start` or `after` others; all that the only round tries may be given, the mean first."""
+    population = max(len(first), 2) if first else work.population
+    work.progress.start(f"searching phase '{stage.name}'", float(population * rounds + (len(after.candidates) if after else 0)))
+    try:
+        result = search(
+            stage, start, work.executor, seed=work.seed + seed, population=population, rounds=rounds, enough=stage.enough,
+            first=first[1:], after=after, stop=work.over, progress=work.progress,
+        )  # fmt: skip
+    finally:
+        work.progress.stop()
+    return _heeded(result, work)
+
+
+def _heeded(found: Searched, work: Work) -> Searched:
+    """What was found; if it was interrupted, nothing more is searched."""
+    if found.ended == "interrupted":
+        work.limit = 0.0
+    return found
