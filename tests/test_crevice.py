@@ -11,6 +11,7 @@ import octoctrl as oc
 from octoctrl.carrying import calibrating, searching
 from octoctrl.carrying.adapting import adapted
 from octoctrl.carrying.checking import Programme
+from octoctrl.carrying.holding import holding_checks
 from octoctrl.carrying.phase_search import Work
 from octoctrl.planners.asking.goals.gap import GapGoal
 from octoctrl.planners.asking.goals.length import LengthGoal
@@ -21,6 +22,7 @@ from octoctrl.planners.solving.plan import PlanStatus
 from octoctrl.planners.solving.scenarios import PLANNED, Scenario
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.scene.objects import Capsule
+from octoctrl.sim.topology.meter import Meter
 
 ARM = oc.Arm.octopus()
 POST = Capsule(name="post", radius=8e-3, length=0.08, position=(-0.022, 0.06, -0.01), axis=(0, 0.5, 1))
@@ -66,6 +68,25 @@ def test_a_plan_that_holds_phase_by_phase_and_is_lost_from_rest_is_not_called_he
     assert plan.report.tried[0] == "phase 'wait': worst goal in tolerances, by scenario: 0.00, 0.00"
     assert plan.status is PlanStatus.FRAGILE and plan.report.reason == "lost in 1 of 2 scenarios on the plant 'rod'"
     assert plan.report.tried[-1].startswith("the plan on the plant 'rod', from rest: worst goal in tolerances, by scenario: 0.00, 6.9")
+
+
+def test_the_depth_of_every_object_is_judged_and_how_it_is_held_of_those_that_goals_name():
+    soft = replace(POST, name="soft", stiffness=1e4)
+    curl = Curl(azimuth=np.pi, level=0.6, profile=0.4, start=0.05, stop=0.196, apex=0.218, speed=0.1)
+    goal = GapGoal(object="far", at_least=0.0, tolerance=1e-3)
+    task = oc.Task(
+        name="curl",
+        phases=(oc.Phase(name="curl", duration=1.6, goals=(goal,)),),
+        drives=(oc.Drive(name="curl", primitive=curl, begins="curl"),),
+    )
+    scene = oc.Scene(objects=(soft, replace(POST, name="far", position=(0.2, 0.2, 0.2))))
+    recording = oc.make_plant("rod", ARM, scene).advance(oc.Activation(templates=curl.templates()), 1.6)
+    meter = Meter(task.convention)
+    meter.extend(recording.time, recording.points, recording.frames)
+    checks = {check.name: check for check in holding_checks(task, ARM, recording, meter.trace)}
+    deepest = Touch.of(recording.series, "soft").deepest.max()
+    assert checks["soft.depth"].value == deepest > checks["soft.depth"].limit and not checks["soft.depth"].passed
+    assert checks["far.depth"].value == 0.0 and "far.winding" in checks and "soft.winding" not in checks
 
 
 def test_turns_are_chosen_on_the_plant_whose_curve_promised_too_many():

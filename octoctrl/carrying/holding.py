@@ -1,4 +1,4 @@
-"""What a verdict says of the objects that a task is about: how they were held, how deep, and whether the hold still drifts."""
+"""What a verdict says of objects: how deep the arm sank into each and, of those that a task is about, how they were held."""
 
 from collections.abc import Iterator
 from math import inf
@@ -15,6 +15,7 @@ from octoctrl.sim.scene.objects import BEARABLE
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from .results import Check
+from .trials import touches
 
 LATE = 0.5
 """Time before the end over which the winding may drift, s."""
@@ -27,23 +28,26 @@ LINK_RESIDUAL = 0.02
 
 
 def holding_checks(task: Task, arm: Arm, recording: Recording, trace: TopologyTrace) -> Iterator[Check]:
-    """Check the objects that the goals of a `task` name on the `recording` of an `arm`, with its `trace`.
+    """Check the objects on the `recording` of an `arm`, with its `trace`, above all those that the goals of a `task` name.
 
     Yields
     ------
     Check
-        Depth and, where the task ends in a hold, drift with limits; covered winding, winding, size of the cord's writhe, normal force,
-        loaded points and slip at the end as they are. Writhe jumps by two between runs that look alike: nothing is judged by it.
+        Depth of each and, where the task ends in a hold of it, drift with limits; of those that goals name covered winding, winding, normal
+        force, loaded points and slip at the end, as they are, and the size of the cord's writhe. Writhe jumps by two between runs that look
+        alike: nothing is judged by it.
     """
     from octoctrl.sim.topology.measures import writhe
 
     outputs = RecordedOutputs(recording, trace, arm)
     late = recording.time >= recording.time[-1] - LATE
     yield Check(name="cord.writhe", value=abs(float(writhe(recording.points[-1]))), limit=inf, unit="turns")
-    for name in sorted(objects_held(task)):
-        hold = hold_in(outputs, name)
-        touch, limit = hold.touch, BEARABLE * float(np.asarray(arm.section(0.0).outer_radius))
+    limit, named = BEARABLE * float(np.asarray(arm.section(0.0).outer_radius)), objects_held(task)
+    for name, touch in sorted(touches(recording).items()):
         yield Check(name=f"{name}.depth", value=float(touch.deepest.max()), limit=limit, unit="m")
+        if name not in named:
+            continue
+        hold = hold_in(outputs, name)
         if name in held_at_the_end(task):
             yield Check(name=f"{name}.drift", value=float(np.ptp(hold.winding[late])), limit=DRIFT, unit="turns")
             yield Check(name=f"{name}.covered_winding", value=abs(float(hold.covered[-1])), limit=inf, unit="turns")

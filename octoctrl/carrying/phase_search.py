@@ -81,9 +81,26 @@ class Work:
 
 
 def search_phase(stage: Stage, work: Work, index: int, region: Mapping[str, tuple[float, float]]) -> tuple[list[Candidate], list[str], int]:
-    """Search a phase; the best candidates that lie apart, what was tried, and how many trials.
+    """Search a phase. Where trials may be quick, the first rounds are rough ones, and what they find is settled by others.
 
-    Where trials may be quick, the first rounds are rough ones, and what they find is settled by others.
+    Parameters
+    ----------
+    stage : Stage
+        Phase, drives and scenarios.
+    work : Work
+    index : int
+        Number of the phase, by which its draws differ from those of others.
+    region : mapping of str to (float, float)
+        Ranges of the unknowns in which to look round where the stage's own numbers come near nothing; empty where there is none.
+
+    Returns
+    -------
+    best : list of Candidate
+        That lie apart, the best first.
+    said : list of str
+        What was tried.
+    count : int
+        Trials.
     """
     name, own, seed, tried = stage.name, stage.unknowns.mean, 1000 * index, replace(stage, rough=stage.quick)
     if not stage.unknowns.names:
