@@ -13,7 +13,8 @@ from time import process_time
 import numpy as np
 
 import octoctrl as oc
-from octoctrl.carrying.searching import SEARCHED_ON, Work, scenarios_of
+from octoctrl.carrying.phase_search import Work
+from octoctrl.carrying.searching import SEARCHED_ON, scenarios_of
 from octoctrl.carrying.trials import plant_for, schedule_of, since
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in

@@ -94,6 +94,7 @@ STRUCK = Capsule(name="post", radius=12.8e-3, length=0.08, position=(0.0128, 0.1
 def test_a_step_that_lets_a_point_sink_in_is_taken_again_in_parts():
     limit = 0.01 * float(oc.Arm.octopus().section(0.0).outer_radius)
     made = plant(STRUCK)
+    assert made.core._around.world.bearable == pytest.approx(0.9 * limit), "what the spring explains comes on top of it"
     once = plant(STRUCK, dt=made.h, sample_interval=made.sample_interval).advance(FLICK, 1.0)
     found = made.advance(FLICK, 1.0)
     assert Touch.of(once.series, "post").deepest.max() > 1.5 * limit and once.finer == 0

@@ -20,6 +20,8 @@ from .world import Nodes, Points, World
 
 Floats = NDArray[np.float64]
 
+EXPLAINED = 1e-3
+"""Share of the arm's radius at the base, of `BEARABLE`, that is left to what the spring of a contact explains."""
 ROUNDING = 1e-6
 """Overlap (m) of two objects that counts as touching."""
 FASTEST = 10.0
@@ -108,7 +110,7 @@ class Surroundings:
 
     def rest(self) -> None:
         """Put every object where it begins, untouched."""
-        bearable = BEARABLE * self.thickness
+        bearable = (BEARABLE - EXPLAINED) * self.thickness
         self.world = World.of(self.points, self.objects, water_density=self.water_density, bearable=bearable)
 
     def check(self, places: Floats) -> None:
