@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from octoctrl.planners.asking.goals.covered_winding import CoveredWindingGoal
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
-from octoctrl.planners.solving.grasping import objects_held
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError
 
@@ -71,7 +71,7 @@ def activation_maps(executions: Execution | Sequence[Execution], path: str | Pat
     _phases(traces, runs[0])
     traces.set_xlabel("time [s]", fontsize=8)
     traces.set_ylabel("turns", fontsize=8)
-    traces.legend(fontsize=7, frameon=False, ncols=len(runs), loc="upper left")
+    figure.legend(fontsize=7, frameon=False, ncols=len(runs), loc="outside lower center")
     traces.tick_params(labelsize=7)
     write_figure(path, figure, dpi=110)
     return figure
@@ -132,6 +132,7 @@ def _phases(axes: "Axes", run: Execution) -> None:
 def _traces(run: Execution) -> dict[str, Floats]:
     found = {"twist": run.trace.twist, "lifted writhe": run.trace.lifted_writhe}
     outputs = RecordedOutputs(run.recording, run.trace, run.plan.arm)
-    for name in sorted(objects_held(run.plan.task)):
+    goals = [goal for phase in run.plan.task.phases for goal in phase.goals if isinstance(goal, CoveredWindingGoal)]
+    for name in sorted({goal.object for goal in goals}):
         found[f"covered winding of {name}"] = np.abs(hold_in(outputs, name).covered)
     return found
