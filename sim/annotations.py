@@ -116,7 +116,8 @@ def _words(hint: Any) -> str:
     """What an annotation asks for, in words."""
     inner = typing.get_args(hint)
     if _is_tuple(hint):
-        return f"several {_words(inner[0]).split(maxsplit=1)[-1]}s"
+        word = _words(inner[0]).split(maxsplit=1)[-1]
+        return f"several {word}{'es' if word.endswith(('s', 'sh', 'x')) else 's'}"
     if inner:
         return " or ".join(map(_words, inner))
     return {str: "a text", bool: "True or False", types.NoneType: "None"}.get(hint) or a(getattr(hint, "__name__", str(hint)))

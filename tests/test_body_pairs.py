@@ -173,7 +173,7 @@ def test_a_push_acts_from_its_begin_to_its_end():
             lambda: replace(FLOOR, pushes=(Push(force=(1, 0, 0)),)),
             "object 'floor' is pushed but cannot move; use support Free()",
         ),
-        (lambda: replace(BALL, pushes=((1, 0, 0),)), "object 'ball': pushes is ((1, 0, 0),); give a tuple of Push(force=...)"),
+        (lambda: replace(BALL, pushes=((1, 0, 0),)), "Sphere: pushes is ((1, 0, 0),); several Pushes are needed"),
         (lambda: replace(BALL, support="fixed"), "object 'ball': support is fixed; use Fixed(), Moved(...), Free(...) or Springs(...)"),
         (lambda: replace(BRICK, size=0.05), "object 'brick': size is 0.05; three finite numbers are needed"),
         (lambda: replace(BALL, friction=0.1), "object 'ball': friction is 0.1; two finite numbers are needed, such as (0.1, 0.1)"),

@@ -131,7 +131,7 @@ def test_a_task_file_names_its_table(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "rows", "message"),
     [
-        (TASK, None, "w.toml:4 task.copy.file: {folder}/line.csv cannot be read: No such file or directory"),
+        (TASK, None, "w.toml:4 task.copy.file: {folder}/line.csv does not exist"),
         (TASK, "time [s],point,x [mm],y [mm]\n0,0,0,0", "w.toml:4 task.copy.file: {folder}/line.csv has no column z (found: time [s], point, x [mm], y [mm]); time, point, x, y, z are needed"),
         (TASK, table(heading="time,point,x,y,z"), "w.toml:4 task.copy.file: {folder}/line.csv does not say its unit of length; write it into the headings, as in 'x [mm]', or give unit='mm'"),
         (TASK, table(length=0.31), "w.toml:4 task.copy.file: the centreline is 310 mm long at first, the arm 200 mm; scale the positions, or give arm.length what was measured"),

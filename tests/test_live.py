@@ -33,7 +33,7 @@ def short(coil_plan):
     post = Capsule(name="post", radius=8e-3, length=0.08, position=(0.0, 0.1, 0.05), axis=(1, 0, 0))
     schedule = replace(coil_plan.schedule, duration=0.4)
     model = replace(coil_plan.model, scene=oc.Scene(objects=(post,)))
-    task = replace(coil_plan.task, phases=coil_plan.task.phases[:1], drives=(replace(coil_plan.task.drives[0], ends=None),))
+    task = replace(coil_plan.task, phases=coil_plan.task.phases[:1], drives=(replace(coil_plan.task.drives[0], ends=""),))
     return replace(coil_plan, schedule=schedule, model=model, phase_begins={"store": 0.0}, task=task)
 
 

@@ -172,5 +172,5 @@ def test_an_object_of_ones_own_is_touched_like_the_one_that_it_is():
     free = oc.make_plant("rod").advance(curl, 1.0)
     np.testing.assert_allclose(runs[0].points, runs[1].points, atol=1e-9)
     assert np.abs(runs[0].points - free.points).max() > 1e-3
-    with pytest.raises(oc.OctoctrlError, match="object 'post': size"):
+    with pytest.raises(oc.OctoctrlError, match="object 'post': radius"):
         Stick(name="post", whole=-1.0)

@@ -15,7 +15,6 @@ from octoctrl.sim.scene.objects import BEARABLE
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from .results import Check
-from .trials import touches
 
 LATE = 0.5
 """Time before the end over which the winding may drift, s."""
@@ -38,6 +37,8 @@ def holding_checks(task: Task, arm: Arm, recording: Recording, trace: TopologyTr
         alike: nothing is judged by it.
     """
     from octoctrl.sim.topology.measures import writhe
+
+    from .trials import touches
 
     outputs = RecordedOutputs(recording, trace, arm)
     late = recording.time >= recording.time[-1] - LATE
