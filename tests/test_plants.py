@@ -170,6 +170,7 @@ def test_rod_is_twice_as_near_to_the_full_arm_as_the_published_one(groups, what)
     assert present < 0.5 * published
 
 
+@pytest.mark.slow
 def test_rod_twists_as_far_as_the_full_arm_at_the_smallest_levels_too():
     """Turns of its inner half after a second, within 0.02 of those of the full arm with coarse rings; the published rod misses by more."""
     levels, arms = (0.02, 0.04, 0.12), (ARM, oc.Arm.octopus(lumped=LumpedSection.published()))
