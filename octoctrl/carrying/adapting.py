@@ -73,7 +73,7 @@ def adapted(
         found.append((best, _with(programme, own | dict(zip(stage.unknowns.names, map(float, best.x), strict=True)))))
         if best.judgement.met:
             break
-    order = sorted(found, key=lambda item: _rank(item[0]))
+    order = sorted(found, key=lambda item: item[0].rank)
     return [*(programme for _, programme in order), *programmes[len(found) :]], said
 
 
@@ -99,18 +99,13 @@ def _stage(
     )  # fmt: skip
 
 
-def _rank(candidate: Candidate) -> tuple[bool, float]:
-    """The less, the better."""
-    return not candidate.judgement.met, candidate.price
-
-
 def _best(stage: Stage, executor: Executor, progress: Progress, said: list[str]) -> Candidate:
     """The numbers of a stage that its plant wants: those that were searched if they meet the goals; what was tried is `said`."""
     unknowns, tries = stage.unknowns, 1
 
     def tried(index: int, *values: float) -> Candidate:
         numbers = [unknowns.within(np.where(np.arange(len(best.x)) == index, value, best.x)) for value in values]
-        return min(survey(stage, unknowns, numbers, executor).candidates, key=_rank, default=best)
+        return min(survey(stage, unknowns, numbers, executor).candidates, key=lambda item: item.rank, default=best)
 
     progress.start(f"phase '{stage.name}' on the plant '{stage.plant}'", None)
     try:
@@ -121,7 +116,7 @@ def _best(stage: Stage, executor: Executor, progress: Progress, said: list[str])
             step = STEP * abs(start) or STEP_FROM_ZERO * unknowns.high[index]
             latest, tries = tried(index, start + step, start - step), tries + 2
             for _ in range(STEPS):
-                if not _rank(latest) < _rank(best):
+                if not latest.rank < best.rank:
                     break
                 ahead = 2 * latest.x[index] - best.x[index]
                 best = latest

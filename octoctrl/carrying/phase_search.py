@@ -185,17 +185,12 @@ def _good(found: Sequence[Searched]) -> bool:
 
 def _best(found: Sequence[Searched]) -> Searched:
     """The search that came nearest."""
-    return min(found, key=lambda result: _rank(result.best))
+    return min(found, key=lambda result: result.best.rank)
 
 
 def _apart(found: Sequence[Searched]) -> list[Candidate]:
     """The best candidates of all searches that lie apart in theirs."""
-    return sorted((item for result in found for item in result.apart(CANDIDATES, APART)), key=_rank)[:CANDIDATES]
-
-
-def _rank(item: Candidate) -> tuple[bool, float]:
-    """What goes first: that which meets all goals, then by price."""
-    return not item.judgement.met, item.price
+    return sorted((item for result in found for item in result.apart(CANDIDATES, APART)), key=lambda item: item.rank)[:CANDIDATES]
 
 
 def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]], seed: int) -> Searched:

@@ -52,16 +52,9 @@ def read_mesh(path: str | Path, *, unit: str, **settings: Any) -> Mesh:
 
 
 def put_meshes(data: dict[str, Any], source: Source, folder: Path) -> None:
-    """Put the surface into each table of `scene.objects` that names a `file` and its `unit` in its place.
+    """Put the surface into each table of `scene.objects` that names a `file`, in the `folder` of the task file, and its `unit`.
 
-    Parameters
-    ----------
-    data : dict
-        Of the task file; changed.
-    source : Source
-        For messages.
-    folder : Path
-        Of the task file.
+    The `data` of the file are changed; `source` tells where they stand.
 
     Raises
     ------

@@ -97,6 +97,11 @@ class Candidate:
         """What it costs."""
         return self.judgement.price
 
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """The less, the better: what meets all goals goes first, then by price."""
+        return not self.judgement.met, self.price
+
 
 @dataclass(slots=True, kw_only=True)
 class Searched:
@@ -331,5 +336,5 @@ def _judged(
     finally:
         for future in running:
             future.cancel()
-        found.candidates.sort(key=lambda item: (not item.judgement.met, item.price))
+        found.candidates.sort(key=lambda item: item.rank)
     return True

@@ -64,7 +64,7 @@ def compiled(
     folding: bool = False,
 ) -> tuple[Callable[..., Any], tuple[Any, ...]]:
     """The compiled loop of an assembly and its terms, see `octoctrl.sim.assembly.stepping.assembly_stepper`."""
-    from .contact_kernels import contact_kernels
+    from .contact_kernels import contact_kernels, fold_kernels
     from .hydrostat_terms import hydrostat_terms
     from .published_contact_kernels import published_contact_kernels
     from .published_terms import published_terms
@@ -74,7 +74,8 @@ def compiled(
         phases, watching = published_terms(grid, traits, inclination, loaded, touching), published_contact_kernels
     else:
         phases, watching = hydrostat_terms(grid, traits, loaded, touching, folding), contact_kernels
-    return assembly_stepper(grid, phases, loaded, watching(grid)[0] if touching else None, folding)
+    watch, _, note = fold_kernels(grid) if folding else (None, None, None)
+    return assembly_stepper(grid, phases, loaded, watching(grid)[0] if touching else None, (watch, note) if folding else None)
 
 
 def _at_spokes(levels: Floats, spokes: int) -> Floats:

@@ -15,7 +15,7 @@ from ..compiler import call, kernel
 from ..contact.body_kernels import any_moves, drift_bodies
 from ..contact.near_kernels import MOVES, SINKS
 from ..contact.note_kernels import note
-from .contact_kernels import LOOK, fold_kernels
+from .contact_kernels import LOOK
 from .family_kernels import family_kernels, family_offsets, position_kernels
 from .meeting_kernels import LEFT, exchange, meet
 from .outside_kernels import outside_kernels
@@ -79,7 +79,7 @@ def mover(grid: AssemblyGrid) -> Any:
 
 
 def assembly_stepper(
-    grid: AssemblyGrid, phases: Phases, loaded: bool = False, look: Any = None, folding: bool = False
+    grid: AssemblyGrid, phases: Phases, loaded: bool = False, look: Any = None, fold: tuple[Any, Any] | None = None
 ) -> tuple[Any, tuple[Any, ...]]:
     """Compile the loop of an assembly.
 
@@ -92,8 +92,8 @@ def assembly_stepper(
         Whether loads act from outside.
     look : compiled function, optional
         What watches for bodies, if there are any.
-    folding : bool
-        Whether the arm touches itself.
+    fold : (compiled function, compiled function), optional
+        What watches for the arm's contact with itself and what notes it, if it may touch itself.
 
     Returns
     -------
@@ -120,8 +120,9 @@ def assembly_stepper(
     STRETCH, LENGTH, RING_STRETCH, RING_X = o["STRETCH"], o["LENGTH"], g["STRETCH"], g["X1"]
     VOLUME = slab_offsets(grid)["VOLUME"]
     find, _ = outside_kernels(grid)
-    touching = look is not None
-    look_at_folds, _, note_folds = fold_kernels(grid)
+    touching, folding = look is not None, fold is not None
+    watching: tuple[Any, Any] = fold or (None, None)
+    look_at_folds, note_folds = watching
     real, single = np.float32 if grid.single else np.float64, grid.single
     apart = position_kernels(grid, False)[0]
     straighten = sweep_open(grid, family_kernels(grid, False)["straighten"])

@@ -1,7 +1,7 @@
 """What a recording says of how an arm holds one object: read from the recording alone, in which every object is noted with its shape."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, pi, tau
 from types import MappingProxyType
 from typing import Any
@@ -13,7 +13,6 @@ from scipy.spatial import ConvexHull
 from ..scene.mesh import Mesh
 from ..scene.objects import Box, Capsule, Cylinder, Plane, RigidObject, Sphere
 from ..scene.shapes import SHAPES
-from ..scene.supports import Fixed
 from .columns import Note
 from .measures import gaps, lying, turns
 from .surroundings import PREFIX, Touch
@@ -146,7 +145,7 @@ def girth(item: RigidObject) -> float:
 
 
 def recorded_object(row: Floats, name: str, meshes: Mapping[str, Mesh] = MappingProxyType({})) -> RigidObject:
-    """The object whose shape and sizes a `row` of a recording holds, with its `meshes`, fixed where it was, under its `name`."""
+    """The object, `name`, whose shape and sizes a `row` of a recording holds, fixed where it was; one of its `meshes` as it began."""
     kind = list(SHAPES.values())[int(row[Note.SHAPE])]
     first, second, third = (float(size) for size in row[Note.SIZE : Note.SIZE + 3])
     x, y, z = (float(value) for value in row[Note.POSITION : Note.POSITION + 3])
@@ -159,5 +158,5 @@ def recorded_object(row: Floats, name: str, meshes: Mapping[str, Mesh] = Mapping
     if kind is Plane:
         return Plane(**placed)
     if kind is Mesh:
-        return replace(meshes[name], support=Fixed(), pushes=(), **placed)
+        return meshes[name]  # its shape is what is asked for, and too much to be checked again at every reading
     return (Capsule if kind is Capsule else Cylinder)(radius=first, length=2 * second, **placed)
