@@ -397,6 +397,11 @@ def test_plan_of_another_arm_is_refused(short):
         ({"period": 0}, "period=0 s is outside > 0 s"),
         ({"period": float("nan")}, "period is nan; a finite number is needed"),
         ({"period": "0.05"}, "period: expected a number in s, found the string '0.05'"),
+        (
+            {"period": 0.35, "settle": 0.05},
+            "period=0.35 s: feedback corrects once per period, and the run takes 0.35 s, so that it never would; give less, or "
+            "feedback='open-loop'",
+        ),
         ({"period": 0.0123}, "period=0.0123 s: needs a multiple of the plant's sample interval 0.005 s"),
         ({"patience": -0.1}, "patience=-0.1 is outside >= 0"),
         (

@@ -9,12 +9,13 @@ import trimesh
 import octoctrl as oc
 from octoctrl.pictures.solids import mesh as picture
 from octoctrl.planners.asking.wrapping import Curl
-from octoctrl.sim.contact.bodies import rows_of
+from octoctrl.sim.contact.bodies import rows_of, still_row
 from octoctrl.sim.contact.columns import Body
 from octoctrl.sim.contact.hold import Hold, girth
 from octoctrl.sim.contact.markers import markers_of
 from octoctrl.sim.contact.measures import gaps
 from octoctrl.sim.contact.shape_kernels import distance
+from octoctrl.sim.scene import mesh as meshes
 from octoctrl.sim.scene.mesh import Mesh
 from octoctrl.sim.scene.objects import Box, Capsule, Sphere
 from octoctrl.sim.scene.supports import Free
@@ -176,6 +177,22 @@ def test_a_run_goes_on_bit_by_bit_with_it(stone, tmp_path):
     oc.save(tmp_path / "run.npz", rest)
     loaded = oc.load(tmp_path / "run.npz")
     assert loaded == rest and loaded.meshes == {"post": stone}
+
+
+def test_a_recording_without_the_surface_is_refused(stone):
+    recording = replace(plant(stone).advance(BEND, 0.01), meshes={})
+    with pytest.raises(oc.OctoctrlError, match=r"'post' is a mesh, of which the recording holds no surface \(it holds: none\); run the"):
+        Hold.of(recording, np.asarray(oc.Arm().section(recording.stations[1:-1]).outer_radius), "post")
+
+
+def test_what_is_asked_of_it_again_is_neither_hashed_nor_copied(stone):
+    row, moved = still_row(stone), replace(stone, position=(0.1, 0.1, 0.0))
+    known = meshes._solid.cache_info()
+    assert stone.corners is stone.corners and still_row(stone) is row and meshes._solid.cache_info() == known
+    assert moved.corners is stone.corners and still_row(moved) is row, "those of one surface share it"
+    other = replace(stone, vertices=tuple((2 * x, y, z) for x, y, z in stone.vertices))
+    assert still_row(other) is not row and other.volume == pytest.approx(2 * stone.volume)
+    assert not row[Body.POSITION : Body.FRAME].any(), "nobody has written into it"
 
 
 def test_a_state_belongs_to_one_surface(tmp_path):

@@ -1,6 +1,7 @@
 """A plant and an object from outside the package, written with public names only: by name, in a run, on the command line, in files."""
 
 import copy
+import gc
 import json
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -10,7 +11,7 @@ import pytest
 
 import octoctrl as oc
 from octoctrl.cli.application import main
-from octoctrl.sim import plants
+from octoctrl.sim import annotations, plants
 from octoctrl.sim.contracts import Motion
 from octoctrl.sim.findings import Finding, Stop
 from octoctrl.sim.running.clock import StepLimit
@@ -147,22 +148,31 @@ def test_a_name_that_is_taken_is_refused(registered):
 # An object
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stick(Capsule):
-    """A stick that is given by its whole length and its slenderness."""
-
-    radius: float = 0.0
-    length: float = 0.0
-    whole: float
-    slenderness: float = 10.0
-
-    def __post_init__(self):
-        object.__setattr__(self, "radius", self.whole / (2 * self.slenderness))
-        object.__setattr__(self, "length", self.whole - 2 * self.radius)
-        Capsule.__post_init__(self)
+@pytest.fixture
+def forgotten():
+    """Task files know every shape that there is by its name: those of a test are gone after it."""
+    before = set(Capsule.__subclasses__())
+    yield
+    annotations._hints.cache_clear()
+    gc.collect()
+    assert set(Capsule.__subclasses__()) == before
 
 
-def test_an_object_of_ones_own_is_touched_like_the_one_that_it_is():
+def test_an_object_of_ones_own_is_touched_like_the_one_that_it_is(forgotten):
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Stick(Capsule):
+        """A stick that is given by its whole length and its slenderness."""
+
+        radius: float = 0.0
+        length: float = 0.0
+        whole: float
+        slenderness: float = 10.0
+
+        def __post_init__(self):
+            object.__setattr__(self, "radius", self.whole / (2 * self.slenderness))
+            object.__setattr__(self, "length", self.whole - 2 * self.radius)
+            Capsule.__post_init__(self)
+
     place = {"position": (0.0, 0.07, -0.022), "axis": (1, 0, 0)}
     curl = oc.Activation(templates=(oc.Plateau(groups=("LM6", "LM7", "LM8"), level=0.3, rise=0.3, window=(0.05, 0.2)),))
     runs = [

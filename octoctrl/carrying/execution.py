@@ -61,7 +61,7 @@ def execute(
         A plant, which is reset, or the name of one of `octoctrl.sim.plants.PLANTS` for the plan's arm and scene; the one that the plan
         was made for if omitted.
     period : float, optional, s
-        Between corrections; the plan's own if omitted, or else the usual one of the plant, or `PERIOD`.
+        Between corrections, shorter than the run; the plan's own if omitted, or else the usual one of the plant, or `PERIOD`.
     patience : float, optional
         The share of its duration for which a phase waits for its goals, as long as it does not get farther from them (see `GRACE`). If
         omitted, `PATIENCE`; nothing in open loop and for a callable.
@@ -198,6 +198,12 @@ def _run(
     period = next(item for item in (period, plan.period, getattr(plant, "period", PERIOD)) if item is not None)
     if abs(round(period / plant.sample_interval) * plant.sample_interval - period) > 1e-9:
         raise OctoctrlError(f"period={period:g} s: needs a multiple of the plant's sample interval {plant.sample_interval:g} s")
+    total = plan.schedule.duration + settle
+    if period >= total and chosen.name != "open-loop":
+        raise OctoctrlError(
+            f"period={period:g} s: feedback corrects once per period, and the run takes {total:g} s, so that it never would; give less, or "
+            "feedback='open-loop'"
+        )
     patience = getattr(chosen, "patience", PATIENCE) if patience is None else patience
     return Run(plan, plant, chosen, sensors or Sensors(), period=period, patience=patience, settle=settle, replanner=replanner)
 

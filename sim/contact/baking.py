@@ -1,13 +1,13 @@
-"""What of a mesh ends its body's row: its distances on a grid."""
+"""What ends the row of a body that is a mesh: its distances on a grid."""
 
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.mesh import Mesh
+from ..scene.mesh import Mesh, Same
 from .baked_kernels import bake
-from .columns import Grid
+from .columns import Body, Grid
 
 Floats = NDArray[np.float64]
 
@@ -16,13 +16,13 @@ LEAST_ROOM, ROOM = 3, 1 / 8
 
 
 def baked_row(item: Mesh) -> Floats:
-    """Distances of a mesh as columns that follow `Body.WIDTH`, see `Grid`; to be read only."""
-    return _baked(item.corners.tobytes(), item.cells)
+    """Row of a mesh that lies at the origin along the axes, as far as distances ask for it: to be read only, for it is kept."""
+    return _baked(Same(item.corners), item.cells)
 
 
 @lru_cache(maxsize=16)
-def _baked(surface: bytes, cells: int) -> Floats:
-    corners = np.frombuffer(surface).reshape(-1, 3, 3)
+def _baked(surface: Same, cells: int) -> Floats:
+    (corners,) = surface.parts
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     spacing = float((high - low).max()) / cells
     counts = np.ceil((high - low) / spacing).astype(int) + 2 * max(LEAST_ROOM, round(ROOM * cells)) + 1
@@ -31,7 +31,8 @@ def _baked(surface: bytes, cells: int) -> Floats:
     radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
     values = np.zeros(counts)
     bake(corners.copy(), np.column_stack([middle, radius]), origin, spacing, np.empty(len(corners), dtype=np.int64), values)
-    found = np.concatenate([[spacing], counts, origin, values.ravel()])
-    assert found.size == Grid.VALUES + values.size
-    found.flags.writeable = False
+    found = np.concatenate([np.zeros(Body.WIDTH), [spacing], counts, origin, values.ravel()])
+    assert found.size == Body.WIDTH + Grid.VALUES + values.size
+    found[Body.SHAPE], found[Body.SIZE : Body.SIZE + 3] = Mesh.kind, np.abs(corners).max(axis=(0, 1))
+    found[Body.FRAME : Body.FRAME + 9] = np.eye(3).ravel()
     return found

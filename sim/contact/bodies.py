@@ -28,7 +28,7 @@ def rows_of(objects: Sequence[RigidObject], *, water_density: float = 0.0) -> Fl
     (M, Body.WIDTH + G) float64
         What follows `Body.WIDTH` is there if one is a mesh: the distances of each, see `Grid`.
     """
-    grids = {index: baked_row(item) for index, item in enumerate(objects) if isinstance(item, Mesh)}
+    grids = {index: baked_row(item)[Body.WIDTH :] for index, item in enumerate(objects) if isinstance(item, Mesh)}
     rows = np.zeros((len(objects), Body.WIDTH + max(map(len, grids.values()), default=0)))
     for index, grid in grids.items():
         rows[index, Body.WIDTH : Body.WIDTH + len(grid)] = grid
@@ -53,6 +53,15 @@ def rows_of(objects: Sequence[RigidObject], *, water_density: float = 0.0) -> Fl
             if not (isinstance(support, Free) and support.since > 0):
                 release(row, item, water_density)
     return rows
+
+
+def still_row(item: RigidObject) -> Floats:
+    """Row of an object that lies at the origin along the axes, to be read only: its shape alone counts, and that of a mesh is kept."""
+    if isinstance(item, Mesh):
+        return baked_row(item)
+    (row,) = rows_of([item])
+    row[Body.POSITION : Body.POSITION + 3], row[Body.FRAME : Body.FRAME + 9] = 0.0, np.eye(3).ravel()
+    return np.asarray(row)
 
 
 def release(row: Floats, item: RigidObject, water_density: float = 0.0) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from ..errors import OctoctrlError
 from ..scene.mesh import Mesh
 from ..scene.objects import Box, Capsule, Cylinder, Plane, RigidObject, Sphere
 from ..scene.shapes import SHAPES
@@ -145,7 +146,13 @@ def girth(item: RigidObject) -> float:
 
 
 def recorded_object(row: Floats, name: str, meshes: Mapping[str, Mesh] = MappingProxyType({})) -> RigidObject:
-    """The object, `name`, whose shape and sizes a `row` of a recording holds, fixed where it was; one of its `meshes` as it began."""
+    """The object, `name`, whose shape and sizes a `row` of a recording holds, fixed where it was; one of its `meshes` as it began.
+
+    Raises
+    ------
+    OctoctrlError
+        If it is a mesh that is not among them.
+    """
     kind = list(SHAPES.values())[int(row[Note.SHAPE])]
     first, second, third = (float(size) for size in row[Note.SIZE : Note.SIZE + 3])
     x, y, z = (float(value) for value in row[Note.POSITION : Note.POSITION + 3])
@@ -158,5 +165,10 @@ def recorded_object(row: Floats, name: str, meshes: Mapping[str, Mesh] = Mapping
     if kind is Plane:
         return Plane(**placed)
     if kind is Mesh:
+        if name not in meshes:
+            known = ", ".join(meshes) or "none"
+            raise OctoctrlError(
+                f"object '{name}' is a mesh, of which the recording holds no surface (it holds: {known}); run the plan again"
+            )
         return meshes[name]  # its shape is what is asked for, and too much to be checked again at every reading
     return (Capsule if kind is Capsule else Cylinder)(radius=first, length=2 * second, **placed)

@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from ..compiler import kernel
 from ..scene.objects import Capsule, Cylinder, RigidObject
-from .bodies import rows_of
-from .columns import Body
+from .bodies import still_row
 from .shape_kernels import distance
 
 Floats = NDArray[np.float64]
 
-POSITION, FRAME = int(Body.POSITION), int(Body.FRAME)
 COVERED = 2e-3
 """Gap (m) up to which the arm counts as lying on the object."""
 
@@ -92,9 +90,8 @@ def _below(begin: Floats, end: Floats) -> Floats:
 
 def gaps(points: Floats, item: RigidObject, position: Floats, frame: Floats) -> Floats:
     """Signed distances (T, n) of points (T, n, 3), m, from an object that moves as `position` (T, 3) and `frame` (T, 3, 3) say."""
-    row = rows_of([item])[0]
     found = np.empty(points.shape[:2])
-    _measure(np.ascontiguousarray(points), row, np.ascontiguousarray(position), np.ascontiguousarray(frame), found)
+    _measure(np.ascontiguousarray(points), still_row(item), np.ascontiguousarray(position), np.ascontiguousarray(frame), found)
     return found
 
 
@@ -108,9 +105,9 @@ def turns(points: Floats, position: Floats, frame: Floats) -> Floats:
 @kernel
 def _measure(points: Floats, row: Floats, position: Floats, frame: Floats, found: Floats) -> None:
     for t in range(points.shape[0]):
-        for i in range(3):
-            row[POSITION + i] = position[t, i]
-            for j in range(3):
-                row[FRAME + 3 * i + j] = frame[t, i, j]
         for k in range(points.shape[1]):
-            found[t, k] = distance(row, points[t, k, 0], points[t, k, 1], points[t, k, 2])[0]
+            y1, y2, y3 = points[t, k, 0] - position[t, 0], points[t, k, 1] - position[t, 1], points[t, k, 2] - position[t, 2]
+            a = y1 * frame[t, 0, 0] + y2 * frame[t, 0, 1] + y3 * frame[t, 0, 2]
+            b = y1 * frame[t, 1, 0] + y2 * frame[t, 1, 1] + y3 * frame[t, 1, 2]
+            c = y1 * frame[t, 2, 0] + y2 * frame[t, 2, 1] + y3 * frame[t, 2, 2]
+            found[t, k] = distance(row, a, b, c)[0]

@@ -73,7 +73,7 @@ class Mesh(RigidObject):
 
     @property
     def _solid(self) -> "_Solid":
-        return _solid(self.vertices, self.triangles, self.principal)
+        return _solid_of(Same(self.vertices, self.triangles), self.principal)
 
     @property
     def corners(self) -> Floats:
@@ -107,6 +107,21 @@ class Mesh(RigidObject):
         return float(np.ptp(self.corners, axis=(0, 1)).min()) / 20
 
 
+class Same:
+    """A key of a cache, which holds its parts and is equal to another of the very same ones: to hash a surface takes milliseconds."""
+
+    __slots__ = ("parts",)
+
+    def __init__(self, *parts: Any) -> None:
+        self.parts = parts
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self.parts)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Same) and tuple(map(id, self.parts)) == tuple(map(id, other.parts))
+
+
 class _Solid(NamedTuple):
     """Volume, gyration about the axes, the largest product of inertia over the largest moment, and `Mesh.corners`."""
 
@@ -114,6 +129,11 @@ class _Solid(NamedTuple):
     gyration: Vector
     skew: float
     corners: Floats
+
+
+@lru_cache(maxsize=64)
+def _solid_of(surface: Same, principal: bool) -> _Solid:
+    return _solid(*surface.parts, principal)
 
 
 @lru_cache(maxsize=64)
