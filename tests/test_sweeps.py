@@ -5,11 +5,17 @@ import csv
 import json
 import logging
 import multiprocessing
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
-from sweep_work import square
+from sweep_work import held_back, square
 
 import octoctrl as oc
 from octoctrl.cli.application import main
@@ -121,6 +127,32 @@ def test_a_sweep_goes_on_and_is_the_same_however_it_is_run(file, tmp_path):
     (tmp_path / "sweep.jsonl").write_text("".join(lines[:3]) + lines[3][:40])
     assert bare(oc.sweep(file, executor=ThreadPoolExecutor(2))) == bare(rows)
     assert len((tmp_path / "sweep.jsonl").read_text().splitlines()) == 8
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals cannot be held back here")
+def test_ctrl_c_reaches_no_worker(capfd):
+    with pytest.raises(KeyboardInterrupt), sweeping.Workers(1) as workers:
+        assert signal.SIGINT in workers.submit(held_back).result() and signal.SIGINT not in held_back()
+        waiting, begin = [workers.submit(time.sleep, 20) for _ in range(4)], time.perf_counter()
+        waiting[-1].cancel()
+        while not waiting[0].running():
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+    assert capfd.readouterr().err == "" and time.perf_counter() - begin < 15
+
+
+@pytest.mark.skipif(shutil.which("pgrep") is None, reason="needs pgrep")
+def test_ctrl_c_while_workers_start_is_one_sentence_and_keeps_what_is_done(file, tmp_path):
+    keys = [job["key"] for job in read_sweep(file).jobs()]
+    (tmp_path / "sweep.jsonl").write_text("".join(json.dumps({"index": i, "key": keys[i]}) + "\n" for i in range(3)))
+    command = [sys.executable, "-m", "octoctrl", "sweep", str(file), "-j", "2", "-q"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while process.poll() is None and subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True).stdout.count(b"\n") < 3:
+        time.sleep(0.02)  # two workers, and what looks after what they share
+    os.killpg(process.pid, signal.SIGINT)
+    out, said = process.communicate(timeout=60)
+    assert (process.returncode, out) == (130, "") and len(read_rows(tmp_path / "sweep.jsonl")) == 3
+    assert said == f"3 of 8 runs are done and kept in {tmp_path / 'sweep.jsonl'}; start it again to go on\ninterrupted\n"
 
 
 def test_shares_come_to_the_whole(file, tmp_path, capsys):

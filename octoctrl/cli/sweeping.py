@@ -28,7 +28,12 @@ def sweep(
     if gather:
         rows = gathered(sweep_file, output)
     else:
-        rows = run(sweep_file, jobs=jobs, output=output, share=_share(share), progress=display(quiet))
+        try:
+            rows = run(sweep_file, jobs=jobs, output=output, share=_share(share), progress=display(quiet))
+        except KeyboardInterrupt as interrupt:
+            for sentence in interrupt.args:
+                say(sentence)
+            return ExitCode.INTERRUPTED
     target = (output or sweep_file.with_suffix(".jsonl")).with_suffix(".csv")
     if as_json:
         print_json(rows)

@@ -6,8 +6,9 @@ are then suspects: a new executor is made, and they run one by one. Whoever kill
 
 import contextlib
 import multiprocessing
+import signal
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from pathlib import Path
 from typing import Any
@@ -67,6 +68,8 @@ def sweep(
     ------
     OctoctrlError
         If the sweep file is wrong, or rows cannot be written.
+    KeyboardInterrupt
+        With a sentence that says how many runs are done; they are kept.
     """
     check_count("jobs", jobs, at_least=1)
     number, shares = share
@@ -91,9 +94,11 @@ def sweep(
 
         try:
             if executor is None:
-                drive(left, lambda: _processes(jobs), put, waiting=waiting or 2 * jobs)
+                drive(left, lambda: Workers(jobs), put, waiting=waiting or 2 * jobs)
             else:
                 drive(left, _maker(executor), put, waiting=waiting or WAITING)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{done} of {len(planned)} runs are done and kept in {target}; start it again to go on") from None
         finally:
             display.stop()
             found = [rows.known[job["key"]] for job in planned if job["key"] in rows.known]
@@ -198,9 +203,39 @@ def lost(job: Job, why: str) -> Row:
     return {"index": job["index"], "key": job["key"], **job["changes"], "status": "lost", "note": " ".join(why.split())}
 
 
-def _processes(jobs: int) -> ProcessPoolExecutor:
-    # Forked processes would share the threads and locks of this one.
-    return ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
+class Workers(ProcessPoolExecutor):
+    """Processes that Ctrl-C does not reach, not even while they start: it ends this one, which ends them without a word."""
+
+    def __init__(self, jobs: int) -> None:
+        # Forked processes would share the threads and locks of this one.
+        super().__init__(jobs, mp_context=multiprocessing.get_context("spawn"))
+
+    def submit(self, *work: Any, **more: Any) -> Future[Any]:
+        """Start a process for the `work`, if there is one to start; it inherits what signals are held back."""
+        with _interrupts_held_back():
+            return super().submit(*work, **more)
+
+    def __exit__(self, kind: type[BaseException] | None, *error: Any) -> None:
+        processes: list[Any] = list((self._processes or {}).values())
+        manager: Any = self._executor_manager_thread
+        self.shutdown(wait=kind is None, cancel_futures=True)  # first, for who waits in a pool that breaks may not have been cancelled
+        if kind is not None:
+            for process in processes:
+                process.terminate()
+            if manager is not None:
+                manager.join()
+
+
+@contextlib.contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _maker(executor: Executor | Callable[[], Executor]) -> Callable[[], contextlib.AbstractContextManager[Executor]]:
