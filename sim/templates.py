@@ -21,6 +21,8 @@ STEEPEST = 3.0
 """To so many times its size a wave's level may grow along the arm."""
 PEAK = 15 / 8
 """Greatest speed on a way of least jerk, over the mean."""
+SAME_INSTANT = 1e-9
+"""Times that differ by no more are the same, s: a sum of intervals is never quite what it should be."""
 OUT_OF_SIGHT = 3.0
 """Widths before a place from which a front covers nothing of what lies beyond it."""
 
@@ -148,6 +150,8 @@ class Wave:
         curvature grows as the radius shrinks, 1 evens the curvature; negative ones let it grow, to three times its size at most.
     apex : float, m
         Arclength at which the arm would end if it tapered to nothing.
+    since : float, s
+        Until then it does nothing: a front reaches ahead by its width.
     """
 
     travels: ClassVar[bool] = True
@@ -161,6 +165,7 @@ class Wave:
     window: tuple[float, float] = (0.0, inf)
     profile: float = 0.0
     apex: float = inf
+    since: float = 0.0
 
     def __post_init__(self) -> None:
         _check_template(self)
@@ -179,9 +184,10 @@ class Wave:
         """Mean over the cells [lower, upper] at `time` (arrays that broadcast) of its two fronts, 0 for a second one that never comes."""
         start = self.window[0]
         first = front_coverage(math, start + self.speed * (time - self.onset), self.width, lower, upper)
+        begun = time > self.since + SAME_INSTANT if self.since else 1.0
         if _never(self.offset):
-            return first, 0.0
-        return first, front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
+            return begun * first, 0.0
+        return begun * first, begun * front_coverage(math, start + self.speed * (time - self.offset), self.width, lower, upper)
 
     def values(self, math: Any, time: Any, lower: Any, upper: Any, shape: Any = None) -> Any:
         """Mean activation of the cells [lower, upper] at `time`; its `shape`, where that is known already."""

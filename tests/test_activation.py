@@ -283,3 +283,12 @@ def test_what_decides_a_shape_is_all_but_muscles_and_levels(template):
     for item in fields(template):
         changed = replace(template, **{item.name: other.get(item.name, 0.123)})
         assert (timing(changed) == timing(template)) == (item.name in ("groups", "level", "end_level")), item.name
+
+
+def test_a_wave_does_nothing_until_it_may():
+    """Its front reaches ahead by the width; when it may act, it is the one that was always there."""
+    early, late = (Activation(templates=(replace(WAVE, onset=1.0, since=since),)) for since in (0.0, 1.0))
+    times, edges = np.array([0.99, 1.0, 1.005, 1.2]), np.linspace(0.0, 0.2, 21)
+    before, after = early.levels(times, edges), late.levels(times, edges)
+    assert before[:2, :, 0].any(axis=1).all() and not after[:2].any()
+    np.testing.assert_array_equal(after[2:], before[2:])

@@ -13,7 +13,7 @@ from octoctrl.carrying import calibrating, phase_search, searching, tugging
 from octoctrl.carrying.checking import Programme
 from octoctrl.carrying.phase_search import Work
 from octoctrl.carrying.searching import plan_by_search
-from octoctrl.carrying.trials import plant_for, schedule_of
+from octoctrl.carrying.trials import Begun, from_rest, plant_for, schedule_of
 from octoctrl.carrying.tugging import tugs
 from octoctrl.pictures.maps import activation_maps, bend_colours
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
@@ -523,7 +523,7 @@ def test_candidates_that_fewer_scenarios_lose_are_carried_out_first(hold):
     (curl,) = plan.schedule.primitives
     work = Work(ARM, plan.scene, None, searching.NullProgress(), 1.0, 0)
     task = replace(plan.task, drives=(oc.Drive(name="curl", primitive=replace(curl, onset=0.0), begins="grasp"),), choose=None)
-    stage = searching._stage(task, task.phases, (), work, (PLANNED, Scenario(bend=0.3)), (None, None), CURVE)
+    stage = searching._stage(task, task.phases, [from_rest(2)], work, (PLANNED, Scenario(bend=0.3)), CURVE)
     given = [(replace(curl, level=0.3 * curl.level),), (curl,), (replace(curl, speed=1.01 * curl.speed),)]
     programmes = [Programme(task, {}, primitives, stage.run_through(primitives)) for primitives in given]
     with ThreadPoolExecutor(1) as executor:
@@ -587,7 +587,7 @@ def test_phases_that_are_searched_together_cost_what_they_cost_one_by_one(hold):
     work = Work(ARM, plan.scene, None, searching.NullProgress(), 1.0, 0)
 
     def stage(phases, settled=(), states=(None,)):
-        return replace(searching._stage(task, phases, settled, work, (PLANNED,), states, CURVE), neighbours=0)
+        return searching._stage(task, phases, [Begun(settled, states)], work, (PLANNED,), CURVE)
 
     both, first = stage(phases[:2]), stage(phases[:1])
     assert both.unknowns.names == ("curl.level", "curl.azimuth", "lean.level"), "in the order of the phases"

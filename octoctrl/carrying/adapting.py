@@ -22,7 +22,7 @@ from octoctrl.sim.contracts import State
 
 from ..progress import Progress
 from .checking import Programme
-from .trials import Stage, at_once
+from .trials import Begun, Stage, at_once
 
 CHOSEN: Mapping[type, str] = {StoreTwist: "turns", Shorten: "level"}
 """Which number of a primitive depends on the plant."""
@@ -94,8 +94,8 @@ def _stage(
     """Phases of a `programme` on the plant, after what is `settled`, as planned; free is what depends on the plant."""
     drives = tuple(_settled(drive, numbers) for phase in phases for drive in _of(programme, phase))
     return replace(
-        programme.searched, phases=phases, drives=drives, settled=settled, scenarios=(PLANNED,), states=(state,), plant=plant,
-        curve=curve, neighbours=0,
+        programme.searched, phases=phases, drives=drives, begun=Begun(settled, (state,)), scenarios=(PLANNED,), plant=plant,
+        curve=curve, neighbours=(),
     )  # fmt: skip
 
 

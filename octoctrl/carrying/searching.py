@@ -15,15 +15,13 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from octoctrl.planners.asking.task import Drive, Phase, Task
+from octoctrl.planners.asking.task import Phase, Task
 from octoctrl.planners.asking.wrapping import TwistCurve
-from octoctrl.planners.contracts import Primitive
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.planners.solving.cross_entropy import Candidate
 from octoctrl.planners.solving.grasping import check_objects, grasp_drives, grasp_region, objects_held, too_short
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.planners.solving.scenarios import Scenario, four
-from octoctrl.sim.contracts import State
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
 from octoctrl.sim.plants import check_plant
 
@@ -32,13 +30,14 @@ from .adapting import adapted
 from .calibrating import twist_curve
 from .checking import Findings, Programme, begins_of, by_scenario, checked, refused
 from .phase_search import POPULATION, ROUNDS, Work, search_phase
-from .trials import HOPELESS, Stage, at_once, plant_for
+from .trials import HOPELESS, Begun, Stage, at_once, from_rest, plant_for
 
 SEARCHED_ON = "rod"
 """The plant on which is searched."""
 
 NEIGHBOURS = 2
-"""Of a trial of one phase of several, that must meet the goals too: run from rest, a phase begins from nearly the same state only."""
+"""Of a trial of one phase of several, that must meet the goals too, each from where its like ended the phase before: what rubs is
+chaotic, and what is held by chance falls for a thousandth of a level."""
 
 
 def plan_by_search(
@@ -115,8 +114,6 @@ def plan_by_search(
 def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     """Search phase by phase; of the last phase several candidates are kept."""
     scenarios = scenarios_of(task, work)
-    states: tuple[State | None, ...] = (None,) * len(scenarios)
-    settled: tuple[Primitive, ...] = ()
     numbers: dict[str, float] = {}
     tried: list[str] = []
     count, worst = 0, 0.0
@@ -125,24 +122,25 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     if task.choose is not None:
         region = grasp_region(task, work.arm, work.scene)
         task = grasp_drives(task, work.arm, work.scene).on(work.arm)
+    task = _in_order(task)
     together = at_once(task)
+    alone = len(together) == 1
+    begun = [from_rest(len(scenarios))] * (1 if alone else 1 + NEIGHBOURS)
     for index, phases in enumerate(together):
-        stage = _stage(task, phases, settled, work, scenarios, states, curve, alone=len(together) == 1)
+        stage = _stage(task, phases, begun, work, scenarios, curve, alone)
         last, said, tries = search_phase(stage, work, index, {} if index else region)
         tried += said
         count += tries
         best = last[0]
         worst = max(worst, best.price)
         if index < len(together) - 1:
-            settled += stage.primitives(best.x)
             numbers |= dict(zip(stage.unknowns.names, map(float, best.x), strict=True))
-            ended = stage.ended(best.x)
+            ended, begun = stage.handed_on(best.x, work.executor)
             tried.append(by_scenario(f"phase '{stage.name}'", [max(item.misses, default=0.0) for item in ended]))
-            states = tuple(item.state or None for item in ended)
     programmes = []
     for item in last:
         found = dict(zip(stage.unknowns.names, map(float, item.x), strict=True))
-        primitives = _in_order(stage.task, (*settled, *stage.primitives(item.x)))
+        primitives = (*stage.begun.settled, *stage.primitives(item.x))
         programmes.append(Programme(stage.task, numbers | found, primitives, stage.run_through(primitives)))
     return Findings(_safest_first(programmes, work.executor), tuple(tried), count, worst)
 
@@ -170,11 +168,9 @@ def _on_the_plant(found: Findings, curve: TwistCurve, plant: str, work: Work) ->
     return replace(found, programmes=programmes, tried=(*found.tried, *said))
 
 
-def _in_order(task: Task, primitives: Sequence[Primitive]) -> tuple[Primitive, ...]:
-    """Primitives that were settled phase by phase, in the order of the task's drives."""
-    order = [drive for phase in task.phases for drive in task.drives if drive.begins == phase.name]
-    by_name = {drive.name: primitive for drive, primitive in zip(order, primitives, strict=True)}
-    return tuple(by_name[drive.name] for drive in task.drives)
+def _in_order(task: Task) -> Task:
+    """A `task` whose drives come as their phases do: added up in one order, phase by phase and from rest, they give the same bits."""
+    return replace(task, drives=tuple(drive for phase in task.phases for drive in task.drives if drive.begins == phase.name))
 
 
 def scenarios_of(task: Task, work: Work) -> tuple[Scenario, ...]:
@@ -195,18 +191,16 @@ def scenarios_of(task: Task, work: Work) -> tuple[Scenario, ...]:
 def _stage(
     task: Task,
     phases: tuple[Phase, ...],
-    settled: tuple[Primitive, ...],
+    begun: Sequence[Begun],
     work: Work,
     scenarios: tuple[Scenario, ...],
-    states: tuple[State | None, ...],
     curve: TwistCurve,
     alone: bool = False,
 ) -> Stage:
-    # Phase by phase, for that is the order in which their primitives are known again.
-    drives: tuple[Drive, ...] = tuple(drive for phase in phases for drive in task.drives if drive.begins == phase.name)
+    drives = tuple(drive for phase in phases for drive in task.drives if drive.begins == phase.name)
     goals = sum(len(phase.goals) for phase in phases)
     return Stage(
-        task=task, phases=phases, begins=begins_of(task), drives=drives, settled=settled, arm=work.arm, scene=work.scene,
-        held=frozenset(objects_held(task)), scenarios=scenarios, states=states, plant=SEARCHED_ON, curve=curve,
-        spread=work.spread, hopeless=HOPELESS * (1 + 0.5 * max(goals - 1, 0)), quick=alone, neighbours=0 if alone else NEIGHBOURS,
+        task=task, phases=phases, begins=begins_of(task), drives=drives, begun=begun[0], arm=work.arm, scene=work.scene,
+        held=frozenset(objects_held(task)), scenarios=scenarios, plant=SEARCHED_ON, curve=curve,
+        spread=work.spread, hopeless=HOPELESS * (1 + 0.5 * max(goals - 1, 0)), quick=alone, neighbours=tuple(begun[1:]),
     )  # fmt: skip

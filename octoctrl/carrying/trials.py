@@ -7,6 +7,7 @@ round by chance does not. Plants are kept by the process or the thread that judg
 
 import threading
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any
@@ -17,7 +18,7 @@ from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import log_share
 from octoctrl.planners.asking.schedule import Schedule
 from octoctrl.planners.asking.task import DELAY_BOUNDS, Drive, Phase, Task, miss_in_phase
-from octoctrl.planners.asking.wrapping import TwistCurve, with_curve
+from octoctrl.planners.asking.wrapping import TwistCurve, acting_since, with_curve
 from octoctrl.planners.contracts import Floats, Primitive, When
 from octoctrl.planners.solving.cross_entropy import Judgement, Unknowns
 from octoctrl.planners.solving.scenarios import Scenario
@@ -114,6 +115,14 @@ class Ended:
     state: State
 
 
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """Where a stage goes on from: the primitives of the phases before, and the state in each scenario; from rest where there is none."""
+
+    settled: tuple[Primitive, ...]
+    states: tuple[State | None, ...]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
     """What is searched at once: a phase, or several that are judged together.
@@ -126,15 +135,12 @@ class Stage:
         Of all phases.
     drives : tuple of Drive
         Those that set in with these phases.
-    settled : tuple of Primitive
-        Of the phases before.
+    begun : Begun
     arm : Arm
     scene : Scene
     held : frozenset of str
         Names of the objects that the scenarios move.
     scenarios : tuple of Scenario
-    states : tuple of State or None
-        From which each goes on; from rest where there is none.
     plant : str
     curve : TwistCurve
         Of that plant.
@@ -146,27 +152,26 @@ class Stage:
         Whether trials are; how they `ended` is told with the usual samples.
     rough : bool
         Whether trials are; they meet a goal only where no tolerance is used up.
-    neighbours : int
-        How many must meet the goals too.
+    neighbours : tuple of Begun
+        What must meet the goals too: numbers that are hardly others, each after those that were hardly others in the phases before.
     """
 
     task: Task
     phases: tuple[Phase, ...]
     begins: Mapping[str, float]
     drives: tuple[Drive, ...]
-    settled: tuple[Primitive, ...]
+    begun: Begun
     arm: Arm
     scene: Scene
     held: frozenset[str]
     scenarios: tuple[Scenario, ...]
-    states: tuple[State | None, ...]
     plant: str
     curve: TwistCurve
     hopeless: float = HOPELESS
     spread: float = 1.0
     quick: bool = False
     rough: bool = False
-    neighbours: int = 0
+    neighbours: tuple[Begun, ...] = ()
     names: tuple[tuple[int, str], ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
@@ -204,24 +209,33 @@ class Stage:
         return sum(phase.duration for phase in self.phases)
 
     def primitives(self, x: Floats) -> tuple[Primitive, ...]:
-        """Those of its drives for numbers `x` (n,)."""
+        """Those of its drives for numbers `x` (n,); until their phase begins they do nothing, so that the phase before ends as it did."""
         numbers: list[dict[str, float]] = [{} for _ in self.drives]
         for (index, name), value in zip(self.names, x, strict=True):
             numbers[index][name] = float(value)
-        return tuple(with_curve(drive.at(self.begins, given), self.curve) for drive, given in zip(self.drives, numbers, strict=True))
+        return tuple(
+            with_curve(acting_since(drive.at(self.begins, given), self.begins[drive.begins]), self.curve)
+            for drive, given in zip(self.drives, numbers, strict=True)
+        )
 
     def scene_in(self, scenario: Scenario) -> Scene:
         """The scene of a `scenario`."""
         return scenario.scene(self.scene, set(self.held))
 
-    def run(self, x: Floats, number: int, *, quick: bool = False, rough: bool = False) -> tuple[Recording, Plant]:
-        """What numbers `x` come to in scenario `number`, by a trial that may be `quick` and `rough`, and the plant at its end."""
-        scenario, state = self.scenarios[number], self.states[number]
+    def run(
+        self, x: Floats, number: int, begun: Begun | None = None, *, quick: bool = False, rough: bool = False
+    ) -> tuple[Recording, Plant]:
+        """What numbers `x` come to in scenario `number`, by a trial that may be `quick` and `rough`, and the plant at its end.
+
+        It goes on from where another has `begun`, if that is given.
+        """
+        begun = begun or self.begun
+        scenario, state = self.scenarios[number], begun.states[number]
         plant = plant_for(self.plant, scenario.arm(self.arm), self.scene_in(scenario), quick=quick, rough=rough)
         plant.reset()
         if state is not None:
             plant.restore(state)
-        acting = tuple(scenario.primitive(item) for item in (*self.settled, *self.primitives(x)))
+        acting = tuple(scenario.primitive(item) for item in (*begun.settled, *self.primitives(x)))
         activation = schedule_of(acting, self.begins[self.phases[0].name] + self.duration).activation()
         return plant.advance(activation, self.duration), plant
 
@@ -275,17 +289,16 @@ class Stage:
         return Judgement(price=price, simulated=tried * self.duration, runs=tried, met=met, notes=tuple(prices))
 
     def _sure(self, x: Floats, prices: list[float]) -> tuple[bool, int]:
-        """Whether numbers `x` (n,) and neighbours of theirs meet the goals with the usual samples, and after how many runs that is known.
+        """Whether neighbours of numbers `x` (n,) meet the goals, and after how many runs that is known.
 
         The `prices`, by scenario, become the highest that are seen.
         """
-        draw, runs = np.random.default_rng(len(x)), 0
-        near = [x, *(self.unknowns.within(x + HARDLY * self.unknowns.spread * draw.normal(size=len(x))) for _ in range(self.neighbours))]
-        for neighbour in near:
+        runs = 0
+        for numbers, begun in self._lines(x)[1:]:
             for number in range(len(self.scenarios)):
                 runs += 1
                 try:
-                    recording, _ = self.run(neighbour, number)
+                    recording, _ = self.run(numbers, number, begun)
                 except PlantUnstableError:
                     prices[number] = LOST
                     return False, runs
@@ -294,9 +307,16 @@ class Stage:
                     return False, runs
         return True, runs
 
+    def _lines(self, x: Floats) -> list[tuple[Floats, Begun]]:
+        """Numbers `x` (n,) and those of its neighbours, and where each goes on from."""
+        draw, unknowns = np.random.default_rng(len(x)), self.unknowns
+        hardly = [unknowns.within(x + HARDLY * unknowns.spread * draw.normal(size=len(x))) for _ in self.neighbours]
+        return list(zip([x, *hardly], [self.begun, *self.neighbours], strict=True))
+
     def as_planned(self) -> "Stage":
         """The same without other scenarios than the first, and without neighbours."""
-        return replace(self, scenarios=self.scenarios[:1], states=self.states[:1], neighbours=0)
+        begun = replace(self.begun, states=self.begun.states[:1])
+        return replace(self, scenarios=self.scenarios[:1], begun=begun, neighbours=())
 
     def together(self, prices: list[float], other: float) -> float:
         """Half the mean of the `prices` of all scenarios, and half the worst; of those that were not tried it is the `other`."""
@@ -307,18 +327,35 @@ class Stage:
         """What numbers `x` come to in every scenario, with states at the end; one that diverges stays where it began."""
         return [self.ended_in(number, x) for number in range(len(self.scenarios))]
 
-    def ended_in(self, number: int, x: Floats) -> Ended:
+    def ended_in(self, number: int, x: Floats, begun: Begun | None = None) -> Ended:
         """What numbers `x` come to in scenario `number`."""
+        begun = begun or self.begun
         try:
-            recording, plant = self.run(x, number)
+            recording, plant = self.run(x, number, begun)
             return Ended(recording, self.misses(recording), plant.state())
         except PlantUnstableError as error:
             goals = sum(len(phase.goals) for phase in self.phases)
-            return Ended(error.recording, (np.inf,) * max(goals, 1), self.states[number] or {})
+            return Ended(error.recording, (np.inf,) * max(goals, 1), begun.states[number] or {})
+
+    def handed_on(self, x: Floats, executor: Executor) -> tuple[list[Ended], list[Begun]]:
+        """What numbers `x` come to in every scenario, and from where the next phase goes on after them and after each neighbour."""
+        lines, numbers = self._lines(x), range(len(self.scenarios))
+        running = [[executor.submit(self.ended_in, number, near, begun) for number in numbers] for near, begun in lines]
+        ended = [[future.result() for future in row] for row in running]
+        found = [
+            Begun((*begun.settled, *self.primitives(near)), tuple(item.state or None for item in row))
+            for (near, begun), row in zip(lines, ended, strict=True)
+        ]
+        return ended[0], found
 
     def run_through(self, primitives: tuple[Primitive, ...]) -> "Stage":
         """All phases of its task at once, from rest, by `primitives` that are settled."""
-        return replace(self, phases=self.task.phases, drives=(), settled=primitives, states=(None,) * len(self.scenarios))
+        return replace(self, phases=self.task.phases, drives=(), begun=from_rest(len(self.scenarios), primitives))
+
+
+def from_rest(scenarios: int, settled: tuple[Primitive, ...] = ()) -> Begun:
+    """Where so many `scenarios` begin, with primitives that are `settled`."""
+    return Begun(settled, (None,) * scenarios)
 
 
 def touches(recording: Recording) -> dict[str, Touch]:

@@ -106,6 +106,8 @@ class Curl(_Bending):
         Of the fronts.
     apex : float, m
         Arclength at which the arm would end if it tapered to nothing.
+    since : float, s
+        Until then it does nothing, though its front reaches ahead by the width.
     """
 
     spreads: ClassVar[dict[str, float]] = {"azimuth": 0.4, "level": 0.12, "profile": 0.35, "start": 0.015, "speed": 0.015}
@@ -119,10 +121,11 @@ class Curl(_Bending):
     offset: float = inf
     width: float = 3e-3
     apex: Length = TAPERS_OUT
+    since: float = 0.0
 
     def templates(self) -> tuple[Template, ...]:
         """A wave on each muscle of the side."""
-        numbers = {name: getattr(self, name) for name in ("speed", "width", "onset", "profile", "apex")}
+        numbers = {name: getattr(self, name) for name in ("speed", "width", "onset", "profile", "apex", "since")}
         ends = min(self.offset, self.onset + self.lasts)
         return tuple(
             Wave(groups=(name,), level=level, offset=ends, window=window(self.start, self.stop), **numbers)
@@ -265,3 +268,8 @@ class StoreTwist:
 def with_curve(primitive: Any, curve: TwistCurve) -> Any:
     """A primitive for the plant whose `curve` it is; the same `primitive` if it stores no twist in turns."""
     return replace(primitive, curve=curve) if isinstance(primitive, StoreTwist) else primitive
+
+
+def acting_since(primitive: Any, time: float) -> Any:
+    """A primitive that does nothing until a `time`, s; the same `primitive` if that is so by its onset."""
+    return replace(primitive, since=time) if isinstance(primitive, Curl) else primitive

@@ -33,7 +33,7 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
     X1, X2, X3, V1, V2, V3, W1, W2, W3 = (o[f"{field}{i}"] for field in "XVW" for i in (1, 2, 3))
     Q11, Q12, Q13, Q21, Q22, Q23, Q31, Q32, Q33 = (o[f"Q{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3))
     MOBILITY, MOBILITY1, MOBILITY2, MOBILITY3 = (o[name] for name in ("NODE_MOBILITY", "MOBILITY1", "MOBILITY2", "MOBILITY3"))
-    STRETCH = o["STRETCH"]
+    STRETCH, INVERSE_LENGTH = o["STRETCH"], o["INVERSE_LENGTH"]
 
     @borrowing_kernel
     def radius(b: Any, points: Any, p: Any, k: Any) -> Any:
@@ -50,9 +50,13 @@ def rod_surface(stride: int, constant_section: bool = False) -> Surface:
 
     @borrowing_kernel
     def place(b: Any, points: Any, p: Any) -> Any:
+        # Its thickness now: the stretch is that of the step before, or of another state if there was none.
         k = points.element[p]
+        q = k + ONE
         x1, x2, x3 = middle(b, k, points.share[p])
-        return x1, x2, x3, radius(b, points, p, k), b[V1 + k] ** 2 + b[V2 + k] ** 2 + b[V3 + k] ** 2
+        long = np.sqrt((b[X1 + q] - b[X1 + k]) ** 2 + (b[X2 + q] - b[X2 + k]) ** 2 + (b[X3 + q] - b[X3 + k]) ** 2)
+        thick = points.radius[p] if constant_section else points.radius[p] / np.sqrt(long * b[INVERSE_LENGTH + k])
+        return x1, x2, x3, thick, b[V1 + k] ** 2 + b[V2 + k] ** 2 + b[V3 + k] ** 2
 
     @borrowing_kernel
     def meet(b: Any, points: Any, p: Any, body: Any) -> Any:
