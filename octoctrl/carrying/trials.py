@@ -328,7 +328,7 @@ class Stage:
         return [self.ended_in(number, x) for number in range(len(self.scenarios))]
 
     def ended_in(self, number: int, x: Floats, begun: Begun | None = None) -> Ended:
-        """What numbers `x` come to in scenario `number`."""
+        """What numbers `x` come to in scenario `number`, from where another has `begun` if that is given."""
         begun = begun or self.begun
         try:
             recording, plant = self.run(x, number, begun)
