@@ -49,8 +49,14 @@ common = {"tolerance": positive, "hold": st.floats(0, 0.3), "when": st.sampled_f
 
 
 def named(kind):
-    """Names of objects that a kind of goal needs."""
-    return {item.name: names for item in fields(kind) if item.name in ("object", "other")}
+    """Names of objects that a kind of goal needs, two of them different."""
+    given = {"object": names, "other": names.map("another {}".format)}
+    return {item.name: given[item.name] for item in fields(kind) if item.name in given}
+
+
+def wanted(kind):
+    """Targets that such a goal can have."""
+    return targets if kind.limits[1] == inf else st.fixed_dictionaries({"at_least": st.floats(*kind.limits)})
 
 
 special = {
@@ -59,7 +65,7 @@ special = {
     "tip_tangent": st.fixed_dictionaries(common | {"direction": st.permutations((0.0, 1.0, 0.0)).map(tuple)}),
     "keep_out": st.fixed_dictionaries(common | {"shape": bodies, "margin": positive}),
     **{
-        name: st.builds(lambda some, target: some | target, st.fixed_dictionaries(common | named(kind)), targets)
+        name: st.builds(lambda some, target: some | target, st.fixed_dictionaries(common | named(kind)), wanted(kind))
         for name, kind in goal_kinds().items()
         if named(kind)
     },

@@ -20,6 +20,7 @@ from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.sim.body.fibres import winding_of
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import make_plant
+from octoctrl.sim.scene.objects import Capsule
 
 TEMPLATE = """[task]
 name = "reach"
@@ -73,7 +74,25 @@ class Odd:
         return [self._residual(outputs)]
 
 
+POST = Capsule(name="post", radius=0.008, length=0.08, position=(-0.022, 0.06, -0.01))
+
+
+def threaded(other):
+    """A task about the post and another object."""
+    goals = (oc.goal("threading", object="post", other=other, value=1),)
+    return oc.Task(name="through", phases=(oc.Phase(name="pass", duration=1.0, goals=goals),), drives="choose")
+
+
 OBJECTS = [
+    (lambda: oc.goal("facing", object="bar", at_least=1.7), "goal facing=1.7 is outside -1…1"),
+    (lambda: oc.goal("object_turn", object="bar", value=31.4), "goal object_turn=31.4 rad is outside 0…3.14159 rad"),
+    (lambda: oc.goal("threading", object="post", other="post", value=1), "goal threading: object and other are both 'post'; name two objects"),
+    (lambda: oc.plan("grasp", scene=oc.Scene()), "task 'grasp': a goal is about object 'post', which the scene does not have (none)"),
+    (lambda: oc.plan(threaded("bar"), scene=oc.Scene(objects=(POST,))), "task 'through': a goal is about object 'bar', which the scene does not have (post)"),
+    (lambda: oc.plan("grasp", time_limit=-1), "time_limit=-1 s is outside > 0 s"),
+    (lambda: oc.plan("grasp", executor=4), "executor is 4; give one of concurrent.futures, such as ThreadPoolExecutor(4)"),
+    (lambda: oc.plan("grasp", start=oc.Plant().observe()), "task 'grasp' is planned by simulating, from rest; leave start out"),
+    (lambda: oc.Task(name="two", phases=(oc.Phase(name="a", duration=1.0, with_next=True),), drives="choose"), "phase 'a' is the last and is to be searched with the next; leave its with_next out"),
     (lambda: oc.make_plant("assembly", paper_compatible=True, energy=True).core.energies(), "the published laws have no potential, so that there is no account of their energy; leave paper_compatible or energy out"),
     (lambda: oc.make_plant("assembly-coarse", precision="mixed", energy=True).core.energies(), "energy is accounted for in double precision only; leave precision or energy out"),
     (lambda: oc.Arm(length=20), "length=20 m is outside 0.001…5 m; lengths are SI - did you mean 0.20 (20 cm)?"),
@@ -218,6 +237,7 @@ FILES = [
     ('{ quantity = "twist", value = -1.0 }', '{ quantity = "tip", value = ["1 cm", 0.1] }', "reach.toml:7 task.phases[0].goals[0].value: expected 3 values, found 2"),
     ("length = 0.2", "length = 1" + 400 * "0", "reach.toml:16 arm.length: the number is beyond 1e308"),
     ("[arm]", "a = " + 3000 * "[" + "\n[arm]", "reach.toml: not valid TOML: brackets are nested too deeply"),
+    ('"Twist"\nbegins = "store"\nsettings = { hand = "R-OM", level = 0.3 }', '"Swing"\nbegins = "store"\nsettings = { start = "5 cm", stop = 0.04 }', "reach.toml:13 task.drives[0].settings: start=0.05 m is not before stop=0.04 m; give the end that is nearer to the base first"),
     ("[arm]", "[run]\nfeedback = 'tvlq'\n[arm]", "reach.toml:16 run.feedback: unknown feedback 'tvlq'; did you mean 'tvlqr'? (tvlqr, mpc, grip, open-loop)"),
 ]  # fmt: skip
 

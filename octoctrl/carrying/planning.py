@@ -4,10 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from octoctrl.planners.asking.goals.touching import TouchingGoal
 from octoctrl.planners.asking.task import Task
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.errors import check_kind
+from octoctrl.sim.errors import OctoctrlError, check_kind, check_number
 from octoctrl.sim.scene.scene import Scene
 
 from .. import tasks
@@ -84,6 +85,7 @@ def plan(
     check_kind("scene", scene, Scene)
     if guess is not None:
         check_kind("guess", guess, Plan, "what oc.plan gives, or oc.load of its file")
+    _check_objects(configuration.task, scene)
     identified = load_model(model, arm, scene, configuration.run.plant if plant is None else plant)
     if configuration.plan.sections is not None:
         identified = identified.divided(configuration.plan.sections)
@@ -91,9 +93,15 @@ def plan(
     from octoctrl.planners.solving.scenarios import ERRORS
 
     limit = configuration.plan.time_limit if time_limit is None else time_limit
+    check_number("time_limit", limit, above=0.0, unit="s")
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise OctoctrlError(f"executor is {executor!r}; give one of concurrent.futures, such as ThreadPoolExecutor(4)")
     if is_simulated(configuration.task):
         from .searching import plan_by_search
 
+        for name, given in (("guess", guess), ("start", start)):
+            if given is not None:
+                raise OctoctrlError(f"task '{configuration.task.name}' is planned by simulating, from rest; leave {name} out")
         found = plan_by_search(
             configuration.task,
             identified.model,
@@ -122,6 +130,23 @@ def plan(
     run = configuration.run
     found = replace(found, plant=run.plant if plant is None else plant, feedback=run.feedback, period=run.period)
     return found.raise_if_failed() if strict else found
+
+
+def _check_objects(task: Task, scene: Scene) -> None:
+    """Check that a scene has the objects that the goals of a task are about.
+
+    Raises
+    ------
+    OctoctrlError
+        If one is missing.
+    """
+    known = [item.name for item in scene.objects]
+    for goal in (goal for phase in task.phases for goal in phase.goals if isinstance(goal, TouchingGoal)):
+        for name in (getattr(goal, role) for role in ("object", "other") if hasattr(goal, role)):
+            if name not in known:
+                raise OctoctrlError(
+                    f"task '{task.name}': a goal is about object '{name}', which the scene does not have ({', '.join(known) or 'none'})"
+                )
 
 
 def as_configuration(task: str | Path | Configuration | Task) -> Configuration:

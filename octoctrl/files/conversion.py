@@ -12,11 +12,11 @@ from dataclasses import MISSING, fields, is_dataclass, replace
 from decimal import Decimal, InvalidOperation
 from enum import Enum
 from inspect import isabstract
-from math import radians
+from math import inf, radians
 from typing import Any
 
 from octoctrl.planners.asking.registry import goal_kinds, primitive_kinds
-from octoctrl.planners.asking.shares import Share
+from octoctrl.planners.asking.shares import Share, unresolved
 from octoctrl.planners.asking.task import CHOOSE, Drive
 from octoctrl.planners.contracts import Goal
 from octoctrl.sim.errors import OctoctrlError, brief, suggest
@@ -177,6 +177,10 @@ def _build_drive(table: Any, source: Source, path: Path) -> Any:
     settings = table.get("settings", {})
     _check_table(settings, source, (*path, "settings"))
     primitive = _build_fields(kind, settings, source, (*path, "settings"))
+    start, stop = getattr(primitive, "start", 0.0), getattr(primitive, "stop", inf)
+    if not unresolved((start, stop)) and start >= stop:
+        where = source.where((*path, "settings"))
+        raise OctoctrlError(f"{where}: start={start:g} m is not before stop={stop:g} m; give the end that is nearer to the base first")
     rest = {key: value for key, value in table.items() if key != "settings"}
     return _build_fields(Drive, rest, source, path, primitive=primitive)
 

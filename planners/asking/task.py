@@ -229,6 +229,8 @@ class Task:
             known = ", ".join(primitive_kinds())
             raise OctoctrlError(f"task '{self.name}': no primitives given; give at least one drive ({known}), or drives = \"{CHOOSE}\"")
         _check_doubled("phases", names)
+        if self.phases[-1].with_next:
+            raise OctoctrlError(f"phase '{names[-1]}' is the last and is to be searched with the next; leave its with_next out")
         _check_doubled("drives", [drive.name for drive in self.drives])
         for drive in self.drives:
             for phase in (drive.begins, *((drive.ends,) if drive.ends else ())):

@@ -1,6 +1,7 @@
 """By how much an object was turned."""
 
 from dataclasses import dataclass
+from math import pi
 from typing import TYPE_CHECKING, ClassVar
 
 from ...contracts import Floats
@@ -19,6 +20,7 @@ class ObjectTurnGoal(TouchingGoal):
 
     quantity: ClassVar[str] = "object_turn"
     unit: ClassVar[str] = "rad"
+    limits: ClassVar[tuple[float, float]] = (0.0, pi)
     tolerance: float = 0.2
 
     def measured(self, hold: "Hold", outputs: RecordedOutputs) -> Floats:

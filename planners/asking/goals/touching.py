@@ -1,11 +1,12 @@
 """What goals about objects have in common: they are read on recordings alone, so that a plan for them is searched by simulating."""
 
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.errors import OctoctrlError, check_number
 
 from ...contracts import Floats, Outputs
 from .measured import ScalarGoal
@@ -29,7 +30,17 @@ class TouchingGoal(ScalarGoal):
     steered: ClassVar[bool] = False  # the model, on which feedback is designed, knows nothing of it
     enough: ClassVar[float] = 0.15
     """Price that needs no bettering."""
+    limits: ClassVar[tuple[float, float]] = (-inf, inf)
+    """What the number can be."""
     object: str
+
+    def __post_init__(self) -> None:
+        ScalarGoal.__post_init__(self)
+        low, high = self.limits
+        for number in (number for number in self.band if isfinite(low) and isfinite(number)):
+            check_number(f"goal {self.quantity}", number, at_least=low, at_most=high, unit=self.unit)
+        if self.object == getattr(self, "other", None):
+            raise OctoctrlError(f"goal {self.quantity}: object and other are both '{self.object}'; name two objects")
 
     def __str__(self) -> str:
         return f"{ScalarGoal.__str__(self)} of '{self.object}'"
