@@ -1,39 +1,81 @@
 """Turns and shortening of a plan, chosen anew on the plant that carries it out: phase by phase, from where the phase before ended.
 
 How many turns a level stores was measured on the bare arm. An arm that has wound round an object stores more of them or less, and the full
-arm otherwise than the rod on which was searched; it also shortens otherwise, and turns what it holds as it does. So each phase whose turns
-or shortening the search chose is simulated on the plant itself. Where its goals are missed, these numbers are changed one after the
-other, each as long as the goals come nearer. Nothing else of the plan changes.
+arm otherwise than the rod on which was searched; it also shortens otherwise, and turns what it holds as it does. So each phase is simulated
+on the plant itself, and where its goals are missed, numbers of it that the search chose are changed one after the other: by a step, and
+then to where a straight line through what was seen meets the goal. Nothing else of the plan changes. What the best of these trials recorded
+is, piece by piece, the run from rest: nobody need carry it out again.
 """
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from octoctrl.planners.asking.primitives import Shorten
 from octoctrl.planners.asking.task import Drive, Phase
 from octoctrl.planners.asking.wrapping import StoreTwist, TwistCurve
-from octoctrl.planners.contracts import Primitive
-from octoctrl.planners.solving.cross_entropy import Candidate, survey
+from octoctrl.planners.contracts import Floats, Primitive
 from octoctrl.planners.solving.scenarios import PLANNED
-from octoctrl.sim.contracts import State
+from octoctrl.sim.running.recording import Recording
 
 from ..progress import Progress
-from .checking import Programme
-from .trials import Begun, Stage, at_once
+from .checking import KEPT, Programme
+from .trials import Begun, Ended, Stage, at_once, from_rest
 
 CHOSEN: Mapping[type, str] = {StoreTwist: "turns", Shorten: "level"}
 """Which number of a primitive depends on the plant."""
 
-STEP, STEP_FROM_ZERO, STEPS = 0.1, 1 / 6, 3
-"""How far a number is changed at once, as a share of what was searched, or where that is 0 of what it may be at most; and how often."""
+STEP, STEP_FROM_ZERO, FARTHEST_STEP, LINES = 0.1, 1 / 6, 5, 3
+"""How far a number is changed at first, as a share of what was searched, or where that is 0 of what it may be at most; how many such steps
+away from the best of two a line through them is believed at most, and how many lines are drawn."""
+
+IDLE = 0.02
+"""Share of a miss that a step must change, or the number has nothing to do with it."""
 
 
-def adapted(
-    programmes: Sequence[Programme], curve: TwistCurve, plant: str, executor: Executor, progress: Progress
-) -> tuple[list[Programme], list[str]]:
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """Numbers (n,) of one phase, and what they came to."""
+
+    x: Floats
+    ended: Ended
+
+    @property
+    def worst(self) -> float:
+        """The goal that is missed most, in tolerances."""
+        return max(self.ended.misses, default=0.0)
+
+    @property
+    def met(self) -> bool:
+        """Whether all goals are."""
+        return self.worst <= 1
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """A programme as far as it has come on the plant."""
+
+    numbers: Mapping[str, float]
+    begun: Begun
+    trials: tuple[_Trial, ...] = ()
+
+    @property
+    def worst(self) -> float:
+        """The goal that is missed most, in tolerances."""
+        return max((trial.worst for trial in self.trials), default=0.0)
+
+    @property
+    def ended(self) -> Ended | None:
+        """All phases as one run; None if the plant diverged."""
+        pieces = [trial.ended for trial in self.trials]
+        if not np.isfinite(self.worst):
+            return None
+        misses = tuple(miss for piece in pieces for miss in piece.misses)
+        return Ended(Recording.joined([piece.recording for piece in pieces]), misses, pieces[-1].state)
+
+
+def adapted(programmes: Sequence[Programme], curve: TwistCurve, plant: str, progress: Progress) -> tuple[list[Programme], list[str]]:
     """Programmes with the turns and the shortening that suit a `plant`, the one that comes nearest first, and what was tried.
 
     Parameters
@@ -43,37 +85,24 @@ def adapted(
     curve : TwistCurve
         Of the `plant`.
     plant : str
-    executor : Executor
-        On which trials are simulated.
     progress : Progress
-
-    Raises
-    ------
-    PlantUnstableError
-        If the plant diverges before there is anything to choose.
     """
     first, said = programmes[0], list[str]()
     if not any(map(_chosen, first.task.drives)):
         return list(programmes), []
     *before, last = at_once(first.task)
-    state: State | None = None
-    numbers, settled = first.numbers, tuple[Primitive, ...]()
+    shared = _Line(first.numbers, from_rest(1))
     for phases in before:
-        stage = _stage(first, phases, numbers, settled, state, plant, curve)
-        best = _best(stage, executor, progress, said)
-        numbers = numbers | dict(zip(stage.unknowns.names, map(float, best.x), strict=True))
-        (ended,) = stage.ended(best.x)
-        state, settled = ended.state or None, (*settled, *stage.primitives(best.x))
+        shared = _through(first, phases, shared, curve, plant, progress, said)
     early = {f"{drive.name}.{name}" for phases in before for phase in phases for drive in _of(first, phase) for name in drive.free}
-    found: list[tuple[Candidate, Programme]] = []
+    found: list[tuple[float, Programme]] = []
     for programme in programmes:
-        own = programme.numbers | {name: number for name, number in numbers.items() if name in early}
-        stage = _stage(programme, last, own, settled, state, plant, curve)
-        best = _best(stage, executor, progress, said)
-        found.append((best, _with(programme, own | dict(zip(stage.unknowns.names, map(float, best.x), strict=True)))))
-        if best.judgement.met:
+        own = programme.numbers | {name: number for name, number in shared.numbers.items() if name in early}
+        line = _through(programme, last, replace(shared, numbers=own), curve, plant, progress, said)
+        found.append((line.worst, replace(_with(programme, line.numbers), carried=line.ended)))
+        if line.worst <= 1:
             break
-    order = sorted(found, key=lambda item: item[0].rank)
+    order = sorted(found, key=lambda item: item[0])
     return [*(programme for _, programme in order), *programmes[len(found) :]], said
 
 
@@ -82,51 +111,69 @@ def _of(programme: Programme, phase: Phase) -> list[Drive]:
     return [drive for drive in programme.task.drives if drive.begins == phase.name]
 
 
-def _stage(
-    programme: Programme,
-    phases: tuple[Phase, ...],
-    numbers: Mapping[str, float],
-    settled: tuple[Primitive, ...],
-    state: State | None,
-    plant: str,
-    curve: TwistCurve,
-) -> Stage:
-    """Phases of a `programme` on the plant, after what is `settled`, as planned; free is what depends on the plant."""
-    drives = tuple(_settled(drive, numbers) for phase in phases for drive in _of(programme, phase))
-    return replace(
-        programme.searched, phases=phases, drives=drives, begun=Begun(settled, (state,)), scenarios=(PLANNED,), plant=plant,
-        curve=curve, neighbours=(),
-    )  # fmt: skip
+def _through(
+    programme: Programme, phases: Sequence[Phase], line: _Line, curve: TwistCurve, plant: str, progress: Progress, said: list[str]
+) -> _Line:
+    """A `line` of a `programme` that goes on through some `phases`; what was tried is `said`."""
+    for phase in phases:
+        drives = tuple(_settled(drive, line.numbers) for drive in _of(programme, phase))
+        stage = replace(
+            programme.searched, phases=(phase,), drives=drives, begun=line.begun, scenarios=(PLANNED,), plant=plant, curve=curve,
+            neighbours=(), record_every=KEPT,
+        )  # fmt: skip
+        best = _best(stage, progress, said)
+        numbers = dict(line.numbers) | dict(zip(stage.unknowns.names, map(float, best.x), strict=True))
+        begun = Begun((*line.begun.settled, *stage.primitives(best.x)), (best.ended.state or None,))
+        line = _Line(numbers, begun, (*line.trials, best))
+    return line
 
 
-def _best(stage: Stage, executor: Executor, progress: Progress, said: list[str]) -> Candidate:
-    """The numbers of a stage that its plant wants: those that were searched if they meet the goals; what was tried is `said`."""
-    unknowns, tries = stage.unknowns, 1
+def _best(stage: Stage, progress: Progress, said: list[str]) -> _Trial:
+    """The numbers of a phase that its plant wants: those that were searched if they meet the goals; what was tried is `said`."""
+    unknowns, trials = stage.unknowns, list[_Trial]()
 
-    def tried(index: int, *values: float) -> Candidate:
-        numbers = [unknowns.within(np.where(np.arange(len(best.x)) == index, value, best.x)) for value in values]
-        return min(survey(stage, unknowns, numbers, executor).candidates, key=lambda item: item.rank, default=best)
+    def tried(x: Floats) -> _Trial:
+        trials.append(_Trial(x, stage.ended_in(0, x)))
+        return trials[-1]
 
     progress.start(f"phase '{stage.name}' on the plant '{stage.plant}'", None)
     try:
-        best = Candidate(unknowns.mean, executor.submit(stage, unknowns.mean).result())
+        best = tried(unknowns.mean)
         for index, start in enumerate(unknowns.mean):
-            if best.judgement.met:
+            if best.met or not np.isfinite(best.worst):
                 break
-            step = STEP * abs(start) or STEP_FROM_ZERO * unknowns.high[index]
-            latest, tries = tried(index, start + step, start - step), tries + 2
-            for _ in range(STEPS):
-                if not latest.rank < best.rank:
+            step = np.zeros(len(unknowns.mean))
+            step[index] = STEP * abs(start) or STEP_FROM_ZERO * unknowns.high[index]
+            other = tried(unknowns.within(best.x + step))
+            for _ in range(LINES):
+                ahead = _ahead(best, other, index, float(step[index]))
+                best, other = sorted((best, other), key=lambda trial: trial.worst)
+                if best.met or ahead is None:
                     break
-                ahead = 2 * latest.x[index] - best.x[index]
-                best = latest
-                latest, tries = tried(index, ahead), tries + 1
+                x = best.x.copy()
+                x[index] = ahead
+                best, other = tried(unknowns.within(x)), best
+            best = min(trials, key=lambda trial: trial.worst)
     finally:
         progress.stop()
     if unknowns.names:
         told = ", ".join(f"{name} {np.round(value, 3):g}" for name, value in zip(unknowns.names, best.x, strict=True))
-        said.append(f"phase '{stage.name}' on the plant '{stage.plant}', {tries} trial{'s' if tries > 1 else ''}: {told}")
+        said.append(f"phase '{stage.name}' on the plant '{stage.plant}', {len(trials)} trial{'s' if len(trials) > 1 else ''}: {told}")
     return best
+
+
+def _ahead(one: _Trial, other: _Trial, index: int, step: float) -> float | None:
+    """Where number `index` meets the goal that the better of two trials misses most, by a straight line; None if it does nothing to that.
+
+    What is missed has no sign: the line is that of both on one side.
+    """
+    near, far = sorted((one, other), key=lambda trial: trial.worst)
+    goal = int(np.argmax(near.ended.misses))
+    missed, beside, way = near.ended.misses[goal], far.ended.misses[goal], float(far.x[index] - near.x[index])
+    if way == 0 or not np.isfinite(beside) or abs(beside - missed) < IDLE * missed:
+        return None
+    found = way * missed / (missed - beside)
+    return float(near.x[index] + np.clip(found, -FARTHEST_STEP * step, FARTHEST_STEP * step))
 
 
 def _chosen(drive: Drive) -> bool:
@@ -142,7 +189,7 @@ def _settled(drive: Drive, numbers: Mapping[str, float]) -> Drive:
     return replace(drive, primitive=primitive, delay=delay, free=(CHOSEN[type(primitive)],) if _chosen(drive) else ())
 
 
-def _with(programme: Programme, numbers: dict[str, float]) -> Programme:
+def _with(programme: Programme, numbers: Mapping[str, float]) -> Programme:
     """A `programme` with other `numbers` of what depends on the plant."""
 
     def other(drive: Drive, item: Primitive) -> Primitive:
@@ -150,4 +197,5 @@ def _with(programme: Programme, numbers: dict[str, float]) -> Programme:
         return replace(item, **{name: numbers[f"{drive.name}.{name}"]})  # type: ignore[type-var]
 
     pairs = zip(programme.task.drives, programme.primitives, strict=True)
-    return replace(programme, numbers=numbers, primitives=tuple(other(*pair) if _chosen(pair[0]) else pair[1] for pair in pairs))
+    primitives = tuple(other(*pair) if _chosen(pair[0]) else pair[1] for pair in pairs)
+    return replace(programme, numbers=dict(numbers), primitives=primitives)

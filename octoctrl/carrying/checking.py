@@ -26,7 +26,7 @@ from octoctrl.sim.topology.trace import TopologyTrace
 from ..progress import Progress
 from .holding import LINK_RESIDUAL, holding_checks
 from .results import Check
-from .trials import Stage, misses, plant_for, schedule_of, since
+from .trials import Ended, Stage, misses, plant_for, schedule_of, since
 from .tugging import tugs
 
 KEPT, EVERY = 2, 5
@@ -37,13 +37,14 @@ KEPT, EVERY = 2, 5
 class Programme:
     """A task with drives, numbers for all of them, and its `searched` form: all phases at once, from rest, in every scenario.
 
-    Phase by phase a state is handed on at each seam; what hangs by a hair there may fall when it is run through.
+    What the plant that carries it out `carried` is there if it was carried out already, phase by phase.
     """
 
     task: Task
     numbers: dict[str, float]
     primitives: tuple[Primitive, ...]
     searched: Stage
+    carried: Ended | None = None
 
     def scenarios(self, executor: Executor) -> list[float]:
         """The worst goal of all phases, in tolerances, by scenario: each is run from rest, side by side on the `executor`."""
@@ -168,8 +169,12 @@ def _carried_out(programme: Programme, curve: TwistCurve, model: ReducedModel, p
     duration = sum(phase.duration for phase in task.phases)
     schedule = schedule_of(tuple(with_curve(item, curve) for item in programme.primitives), duration)
     moved = plant_for(plant, model.arm, model.scene, KEPT)
-    moved.reset()
-    recording = moved.advance(schedule.activation(), duration)
+    if programme.carried is None:
+        moved.reset()
+        recording = moved.advance(schedule.activation(), duration)
+    else:
+        moved.restore(programme.carried.state)
+        recording = programme.carried.recording
     goals: list[GoalReport] = []
     for phase in task.phases:
         begin = begins[phase.name]

@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 
 import numpy as np
@@ -22,7 +22,7 @@ from octoctrl.planners.solving.cross_entropy import Candidate
 from octoctrl.planners.solving.grasping import check_objects, grasp_drives, grasp_region, objects_held, too_short
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.planners.solving.scenarios import Scenario, four
-from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import check_plant
 
 from ..progress import NullProgress, Progress
@@ -34,6 +34,9 @@ from .trials import HOPELESS, Begun, Stage, at_once, from_rest, plant_for
 
 SEARCHED_ON = "rod"
 """The plant on which is searched."""
+
+LOOK, BACK = 2, 2
+"""Rounds of a phase from each start before the search goes back for another way through the phase before, and how often it does."""
 
 NEIGHBOURS = 2
 """Of a trial of one phase of several, that must meet the goals too, each from where its like ended the phase before: what rubs is
@@ -114,10 +117,6 @@ def plan_by_search(
 def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     """Search phase by phase; of the last phase several candidates are kept."""
     scenarios = scenarios_of(task, work)
-    numbers: dict[str, float] = {}
-    tried: list[str] = []
-    count, worst = 0, 0.0
-    last: list[Candidate] = []
     region: Mapping[str, tuple[float, float]] = {}
     if task.choose is not None:
         region = grasp_region(task, work.arm, work.scene)
@@ -126,23 +125,62 @@ def _searched(task: Task, work: Work, curve: TwistCurve) -> Findings:
     together = at_once(task)
     alone = len(together) == 1
     begun = [from_rest(len(scenarios))] * (1 if alone else 1 + NEIGHBOURS)
-    for index, phases in enumerate(together):
-        stage = _stage(task, phases, begun, work, scenarios, curve, alone)
-        last, said, tries = search_phase(stage, work, index, {} if index else region)
-        tried += said
+    tried, ways, count = list[str](), list[_Way](), 0
+
+    def through(stage: Stage, index: int, attempt: int = 0, rounds: int = work.rounds) -> _Way:
+        nonlocal count
+        look = replace(work, rounds=min(rounds, work.rounds))
+        found, said, tries = search_phase(stage, look, index + attempt * len(together), {} if index else region)
+        work.limit = look.limit  # none is left after an interruption
         count += tries
-        best = last[0]
-        worst = max(worst, best.price)
-        if index < len(together) - 1:
-            numbers |= dict(zip(stage.unknowns.names, map(float, best.x), strict=True))
-            ended, begun = stage.handed_on(best.x, work.executor)
-            tried.append(by_scenario(f"phase '{stage.name}'", [max(item.misses, default=0.0) for item in ended]))
+        tried.extend(said)
+        if index == len(together) - 1:
+            return _Way(stage, found, [])
+        ended, begun = stage.handed_on(found[0].x, work.executor)
+        tried.append(by_scenario(f"phase '{stage.name}'", [max(item.misses, default=0.0) for item in ended]))
+        return _Way(stage, found, begun)
+
+    for index, phases in enumerate(together):
+        if not ways:
+            ways.append(through(_stage(task, phases, begun, work, scenarios, curve, alone), index))
+            continue
+        way, before = through(_stage(task, phases, ways[-1].begun, work, scenarios, curve), index, rounds=LOOK), ways[-1]
+        for attempt in range(1, BACK + 1):
+            if way.best.judgement.met or not before.best.judgement.met or work.over():
+                break
+            before = through(replace(before.stage, spent=(*before.stage.spent, before.best.x)), index - 1, attempt)
+            again = through(replace(way.stage, begun=before.begun[0], neighbours=tuple(before.begun[1:])), index, attempt, LOOK)
+            if again.best.rank < way.best.rank:
+                ways[-1], way = before, again
+        if not way.best.judgement.met and not work.over():
+            way = min(way, through(way.stage, index, BACK + 1), key=lambda item: item.best.rank)
+        ways.append(way)
+    way = ways[-1]
+    numbers = {name: number for way in ways[:-1] for name, number in way.numbers(way.best).items()}
     programmes = []
-    for item in last:
-        found = dict(zip(stage.unknowns.names, map(float, item.x), strict=True))
-        primitives = (*stage.begun.settled, *stage.primitives(item.x))
-        programmes.append(Programme(stage.task, numbers | found, primitives, stage.run_through(primitives)))
+    for item in way.found:
+        primitives = (*way.stage.begun.settled, *way.stage.primitives(item.x))
+        programmes.append(Programme(task, numbers | way.numbers(item), primitives, way.stage.run_through(primitives)))
+    worst = max(way.best.price for way in ways)
     return Findings(_safest_first(programmes, work.executor), tuple(tried), count, worst)
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """A way through a phase: what is searched there, what was found, the best first, and from where the next phase goes on."""
+
+    stage: Stage
+    found: list[Candidate]
+    begun: list[Begun]
+
+    @property
+    def best(self) -> Candidate:
+        """By which it goes on."""
+        return self.found[0]
+
+    def numbers(self, item: Candidate) -> dict[str, float]:
+        """Those of a candidate, by name."""
+        return dict(zip(self.stage.unknowns.names, map(float, item.x), strict=True))
 
 
 def _safest_first(programmes: Sequence[Programme], executor: Executor) -> list[Programme]:
@@ -161,10 +199,7 @@ def _safest_first(programmes: Sequence[Programme], executor: Executor) -> list[P
 
 def _on_the_plant(found: Findings, curve: TwistCurve, plant: str, work: Work) -> Findings:
     """What was `found`, with the turns and the shortening that suit a `plant` whose `curve` is given."""
-    try:
-        programmes, said = adapted(found.programmes, curve, plant, work.executor, work.progress)
-    except PlantUnstableError as error:
-        return replace(found, tried=(*found.tried, f"nothing was chosen on the plant '{plant}': {error}"))
+    programmes, said = adapted(found.programmes, curve, plant, work.progress)
     return replace(found, programmes=programmes, tried=(*found.tried, *said))
 
 

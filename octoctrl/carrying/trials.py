@@ -62,6 +62,9 @@ FARTHEST = {"start": 0.8, "stop": 1.0}
 HARDLY = 0.02
 """How far neighbours of a trial lie from it, in first spreads."""
 
+ELSEWHERE = 0.6
+"""How far from numbers that led nowhere others must lie, in first spreads, root of the sum of squares."""
+
 ENOUGH = 0.15
 """Price of a goal that needs no bettering, unless it says one."""
 
@@ -154,6 +157,10 @@ class Stage:
         Whether trials are; they meet a goal only where no tolerance is used up.
     neighbours : tuple of Begun
         What must meet the goals too: numbers that are hardly others, each after those that were hardly others in the phases before.
+    record_every : int
+        Of so many samples of a usual trial one is recorded.
+    spent : tuple of (n,) float64
+        Numbers after which the next phase could not be met: what is not `ELSEWHERE` is not looked for any more.
     """
 
     task: Task
@@ -172,6 +179,8 @@ class Stage:
     quick: bool = False
     rough: bool = False
     neighbours: tuple[Begun, ...] = ()
+    record_every: int = RECORD
+    spent: tuple[Floats, ...] = ()
     names: tuple[tuple[int, str], ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
@@ -231,7 +240,7 @@ class Stage:
         """
         begun = begun or self.begun
         scenario, state = self.scenarios[number], begun.states[number]
-        plant = plant_for(self.plant, scenario.arm(self.arm), self.scene_in(scenario), quick=quick, rough=rough)
+        plant = plant_for(self.plant, scenario.arm(self.arm), self.scene_in(scenario), self.record_every, quick=quick, rough=rough)
         plant.reset()
         if state is not None:
             plant.restore(state)
@@ -283,6 +292,7 @@ class Stage:
         most = 0.0 if self.rough else 1.0  # what is met by a rough trial with nothing to spare may be missed
         whole = len(recordings) == len(self.scenarios)
         met = whole and all(max(self.misses(recordings[number]), default=0.0) <= most for number in np.argsort(prices)[::-1])
+        met = met and all(np.linalg.norm((x - other) / self.unknowns.spread) > ELSEWHERE for other in self.spent)
         if met and self.neighbours:
             met, again = self._sure(x, prices)
             price, tried = self.together(prices, 0.0), tried + again
@@ -338,7 +348,7 @@ class Stage:
             return Ended(error.recording, (np.inf,) * max(goals, 1), begun.states[number] or {})
 
     def handed_on(self, x: Floats, executor: Executor) -> tuple[list[Ended], list[Begun]]:
-        """What numbers `x` come to in every scenario, by the `executor`, and where the next phase goes on after them and each neighbour."""
+        """What numbers `x` come to in every scenario, and from where the next phase goes on after them and after each neighbour."""
         lines, numbers = self._lines(x), range(len(self.scenarios))
         running = [[executor.submit(self.ended_in, number, near, begun) for number in numbers] for near, begun in lines]
         ended = [[future.result() for future in row] for row in running]
