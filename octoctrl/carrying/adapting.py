@@ -26,9 +26,9 @@ from .trials import Begun, Ended, Stage, at_once, from_rest
 CHOSEN: Mapping[type, str] = {StoreTwist: "turns", Shorten: "level"}
 """Which number of a primitive depends on the plant."""
 
-STEP, STEP_FROM_ZERO, FARTHEST_STEP, LINES = 0.1, 1 / 6, 5, 3
+STEP, STEP_FROM_ZERO, FARTHEST_STEP, LINES = 0.1, 1 / 6, 2, 3
 """How far a number is changed at first, as a share of what was searched, or where that is 0 of what it may be at most; how many such steps
-away from the best of two a line through them is believed at most, and how many lines are drawn."""
+away from the best of two a line through them is believed at most, for muscles saturate, and how many lines are drawn."""
 
 IDLE = 0.02
 """Share of a miss that a step must change, or the number has nothing to do with it."""
@@ -144,16 +144,17 @@ def _best(stage: Stage, progress: Progress, said: list[str]) -> _Trial:
                 break
             step = np.zeros(len(unknowns.mean))
             step[index] = STEP * abs(start) or STEP_FROM_ZERO * unknowns.high[index]
-            other = tried(unknowns.within(best.x + step))
+            best, other = _sorted(best, tried(unknowns.within(best.x + step)))
+            crossed = False
             for _ in range(LINES):
-                ahead = _ahead(best, other, index, float(step[index]))
-                best, other = sorted((best, other), key=lambda trial: trial.worst)
+                ahead = _ahead(best, other, index, float(step[index]), crossed)
                 if best.met or ahead is None:
                     break
                 x = best.x.copy()
                 x[index] = ahead
-                best, other = tried(unknowns.within(x)), best
-            best = min(trials, key=lambda trial: trial.worst)
+                latest = tried(unknowns.within(x))
+                crossed = latest.worst > best.worst  # it went too far, and the goal lies between them
+                best, other = _sorted(best, latest)
     finally:
         progress.stop()
     if unknowns.names:
@@ -162,17 +163,21 @@ def _best(stage: Stage, progress: Progress, said: list[str]) -> _Trial:
     return best
 
 
-def _ahead(one: _Trial, other: _Trial, index: int, step: float) -> float | None:
+def _sorted(one: _Trial, other: _Trial) -> tuple[_Trial, _Trial]:
+    """The better of two trials, and the other."""
+    return (other, one) if other.worst < one.worst else (one, other)
+
+
+def _ahead(near: _Trial, far: _Trial, index: int, step: float, crossed: bool) -> float | None:
     """Where number `index` meets the goal that the better of two trials misses most, by a straight line; None if it does nothing to that.
 
-    What is missed has no sign: the line is that of both on one side.
+    What is missed has no sign: both are taken to lie on one side of the goal, unless the line is known to have `crossed` it.
     """
-    near, far = sorted((one, other), key=lambda trial: trial.worst)
     goal = int(np.argmax(near.ended.misses))
     missed, beside, way = near.ended.misses[goal], far.ended.misses[goal], float(far.x[index] - near.x[index])
     if way == 0 or not np.isfinite(beside) or abs(beside - missed) < IDLE * missed:
         return None
-    found = way * missed / (missed - beside)
+    found = way * missed / (missed + beside if crossed else missed - beside)
     return float(near.x[index] + np.clip(found, -FARTHEST_STEP * step, FARTHEST_STEP * step))
 
 
