@@ -348,7 +348,7 @@ class Stage:
             return Ended(error.recording, (np.inf,) * max(goals, 1), begun.states[number] or {})
 
     def handed_on(self, x: Floats, executor: Executor) -> tuple[list[Ended], list[Begun]]:
-        """What numbers `x` come to in every scenario, and from where the next phase goes on after them and after each neighbour."""
+        """What numbers `x` come to in every scenario, by the `executor`, and where the next phase goes on after them and each neighbour."""
         lines, numbers = self._lines(x), range(len(self.scenarios))
         running = [[executor.submit(self.ended_in, number, near, begun) for number in numbers] for near, begun in lines]
         ended = [[future.result() for future in row] for row in running]
