@@ -21,12 +21,12 @@ from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve, shared_level
 from octoctrl.planners.contracts import ClockReading
 from octoctrl.planners.following.gripping import Gripping
-from octoctrl.planners.solving.free_shapes import free_points, last_free, turns_near
 from octoctrl.planners.solving.grasping import (
     grasp_drives,
     grasp_region,
     most_turns,
     nearest,
+    slant,
     too_short,
     touch_time,
 )
@@ -217,24 +217,49 @@ def test_a_survey_looks_to_all_sides_before_the_nearest_point(place):
     assert twice["swing.stop"] == pytest.approx(2 * np.array(region["swing.stop"]), abs=5e-3)
 
 
-def test_a_free_shape_is_that_of_the_rod_and_near_turns_are_those_of_a_recording():
-    arm, curve = oc.tasks.load("grasp").arm, TwistCurve(levels=(0.0, 0.02), turns=(0.0, 1.58))
-    lean, twist = Swing(azimuth=0.9, level=0.15, start=0.02, stop=0.05), StoreTwist(turns=0.15, stop=0.1, curve=curve)
-    curl = Curl(azimuth=-1.0, level=0.5, profile=0.8, start=0.08, stop=0.1967, apex=0.2 * 12 / 11)
-    item = Capsule(name="post", radius=6e-3, length=0.08, position=(0.03, 0.16, 0.03), axis=(0.2, 0, 1))
-    plant = oc.make_plant("rod", arm, oc.Scene(objects=(item,)), record_every=20)
-    activation = schedule_of((lean, twist, curl), 4.0).activation()
-    recording = plant.advance(activation, 4.0)
-    hold = hold_in(RecordedOutputs(recording, None, arm), "post")
-    assert not hold.touch.loaded.any()
-    levels = activation.levels([4.0], arm.edges)
-    points = free_points(np.repeat(levels, 2, axis=0), arm, curve)
-    np.testing.assert_array_equal(points[0], points[1])
-    np.testing.assert_allclose(points[0], recording.points[-1], atol=0.02)
-    off = np.sqrt(((points[0] - recording.points[-1]) ** 2).sum(axis=1).mean())
-    mirrored = free_points(activation.levels([4.0], arm.edges)[:, ::-1], arm, curve)
-    assert off < 0.012 < np.sqrt(((mirrored[0] - recording.points[-1]) ** 2).sum(axis=1).mean())
-    np.testing.assert_allclose(turns_near(recording.points[-1:], arm, item), np.abs(hold.near[-1:]), rtol=0.02)
+SLANTING = Capsule(name="post", radius=0.0145, length=0.08, position=(0.013, 0.0657, -0.0226), axis=(-0.23, 0.97, -0.09))
+"""A thick post that stands nearly along the arm."""
+
+
+def mirrored(item):
+    """The mirror image of an object in the plane of x and y, in which the arm lies."""
+    (x, y, z), (a, b, c) = item.position, item.axis
+    return replace(item, position=(x, y, -z), axis=(a, b, -c))
+
+
+def test_beside_a_slanting_post_a_survey_leans_across_it_and_mirrored_the_other_way():
+    across = Capsule(name="post", radius=0.01, length=0.08, position=(0.02, 0.1, 0.02), axis=(1, 0.8, -1))
+    assert slant(ARM, SLANTING) == 1 and slant(ARM, mirrored(SLANTING)) == -1 and slant(ARM, across) == 0
+    assert slant(ARM, replace(SLANTING, axis=(0.23, -0.97, 0.09))) == 1, "an axis has no sense"
+    assert slant(ARM, Box(name="box", size=(0.01, 0.01, 0.01), position=(0.03, 0.1, 0.0))) == 0
+    regions = []
+    for item in (SLANTING, mirrored(SLANTING)):
+        scene = oc.Scene(objects=(item,))
+        regions.append(grasp_region(grasp_drives(task_for(item).task, ARM, scene), ARM, scene))
+    first, second = regions
+    for name, (low, high) in first.items():
+        sign = -1 if name.endswith("azimuth") or name == "twist.turns" else 1
+        np.testing.assert_allclose(sorted((sign * low, sign * high)), second[name], atol=1e-12, err_msg=name)
+    middle = sum(first["swing.azimuth"]) / 2
+    lean, axis = np.array([np.cos(middle), 0.0, np.sin(middle)]), np.array(SLANTING.axis)
+    assert lean @ axis < 0.0 < axis[1], "away from where the axis leans"
+
+
+def test_a_survey_beside_a_slanting_post_finds_a_grasp_where_leaning_to_the_other_side_finds_none(monkeypatch):
+    monkeypatch.setattr(phase_search, "SURVEY_ROUNDS", 1)
+    configuration = task_for(SLANTING)
+    scene, arm = configuration.scene, oc.tasks.load("grasp").arm
+    task = grasp_drives(configuration.task.on(arm), arm, scene).on(arm)
+    region, prices = grasp_region(task, arm, scene), []
+    with ThreadPoolExecutor(2) as executor:
+        work = Work(arm, scene, executor, searching.NullProgress(), 1e6, 0)
+        curve = TwistCurve(levels=(0.0, 0.1, 0.3, 1.0), turns=(0.0, 2.5, 4.1, 7.0))
+        stage = replace(searching._stage(task, task.phases, [from_rest(1)], work, (PLANNED,), curve, alone=True), rough=True)
+        low, high = region["swing.azimuth"]
+        for turned in (0.0, np.pi):
+            other = region | {"swing.azimuth": (low - turned, high - turned)}
+            prices.append(phase_search._surveyed(stage, work, other, 0).best.price)
+    assert prices[0] < 1.0 < prices[1] - 0.2, prices
 
 
 def test_quick_trials_are_those_of_usual_samples_at_the_same_steps():
@@ -290,15 +315,6 @@ def test_a_slanting_post_is_met_where_it_is_nearest_to_the_base_not_to_the_arm()
     across = replace(slanting, axis=(1, 0, 0))
     assert most_turns(ARM, across)[1] < turns - 0.1
     assert most_turns(ARM, Plane(name="floor", position=(0, 0, -0.03), axis=(0, 0, 1)))[1] == 0.0
-
-
-def test_a_programme_that_passes_through_the_object_counts_up_to_there_only():
-    """A straight arm that is swung from one side of a post to the other, over its end, or past its tip."""
-    item = Capsule(name="post", radius=5e-3, length=0.06, position=(0.0, 0.1, 0.0), axis=(0, 0, 1))
-    angles, s = np.linspace(0.6, -0.6, 8), np.linspace(0, 0.2, 21)
-    swung = np.stack([np.sin(angles)[:, None] * s, np.cos(angles)[:, None] * s, np.zeros((8, 21))], axis=-1)
-    over = swung + np.linspace(0, 1, 21)[:, None] * [0.0, 0.0, 0.1]
-    np.testing.assert_array_equal(last_free(np.stack([swung, over, swung * 0.45]), item), [3, 7, 7])
 
 
 def test_an_object_that_is_not_there_is_named():

@@ -12,21 +12,19 @@ import numpy as np
 
 from octoctrl.planners.contracts import Floats
 from octoctrl.planners.solving.cross_entropy import GOOD_ENOUGH, Candidate, Searched, Unknowns, search
-from octoctrl.planners.solving.free_shapes import free_points, last_free, turns_near
-from octoctrl.planners.solving.grasping import grasped
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.scene.scene import Scene
 
 from ..progress import Progress
-from .trials import Stage, schedule_of
+from .trials import Stage
 
 POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
 """Trials of a round, rounds of a phase at most; how often it begins anew, and after how many rounds of each of these the best goes on
 alone. A search that has lost its way does not find it again; another one may."""
 
-SURVEYS, DRAWN, SURVEYED, SURVEY_ROUNDS, KEPT, NEAR_ENOUGH = 2, 600, 40, 4, 8, 0.45
-"""Surveys of a phase at most, the second where the first leads nowhere; programmes that are drawn for one, how many a round of it tries,
-rounds, how many of the best it goes on from, and price at which it ends."""
+SURVEYS, SURVEYED, SURVEY_ROUNDS, KEPT, NEAR_ENOUGH = 2, 40, 4, 8, 0.6
+"""Surveys of a phase at most, the second where the first leads nowhere; how many programmes a round of one tries, rounds, how many of the
+best it goes on from, and price at which it ends."""
 
 FAR, NARROW = 1.0, 0.5
 """How far apart the searches that follow a survey begin, in its spreads, and how far they look at first, over the usual."""
@@ -34,9 +32,6 @@ FAR, NARROW = 1.0, 0.5
 SETTLING, FAIR = 2, 0.65
 """Rounds of trials that are not rough at most, where nothing that rough ones found is good enough, and price below which that costs more
 time than it is worth: such grasps were held on the full arm, though a scenario may lose them."""
-
-LOOKS = 14
-"""Instants at which the way of a programme is looked at in free water."""
 
 CANDIDATES, APART = 3, 0.6
 """Candidates that are checked on the plant, and how far apart they lie, in first spreads."""
@@ -194,19 +189,9 @@ def _apart(found: Sequence[Searched]) -> list[Candidate]:
 
 
 def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]], seed: int) -> Searched:
-    """What is found in a region, as planned alone: of many programmes those that would go round the object in free water, then others near
-    the best of them.
-
-    A programme that would have to pass through the object on its way counts by where it would be held up.
-    """
+    """What is found in a region, as planned alone: programmes that are drawn evenly from it, then others near the best of them."""
     low, high = np.array([region[name] for name in stage.unknowns.names]).T
-    drawn = np.random.default_rng(work.seed + seed).uniform(low, high, size=(DRAWN, len(low)))
-    end, edges = stage.begins[stage.phases[-1].name] + stage.phases[-1].duration, work.arm.edges
-    times, item = np.linspace(0.0, end, LOOKS), grasped(stage.task, work.scene)
-    levels = np.array([schedule_of(stage.primitives(x), end).activation().levels(times, edges) for x in drawn])
-    points = free_points(levels.reshape(-1, *levels.shape[2:]), work.arm, stage.curve).reshape(DRAWN, LOOKS, -1, 3)
-    near = turns_near(points[np.arange(DRAWN), last_free(points, item)], work.arm, item)
-    first = drawn[np.argsort(-near, kind="stable")[:SURVEYED]]
+    first = np.random.default_rng(work.seed + seed).uniform(low, high, size=(SURVEYED, len(low)))
     unknowns = replace(stage.unknowns, mean=first[0], spread=(high - low) / 3)
     work.progress.start(f"looking round for phase '{stage.name}'", float(SURVEYED * SURVEY_ROUNDS))
     try:

@@ -7,7 +7,7 @@ along +y.
 """
 
 from dataclasses import replace
-from math import atan2, pi, tau
+from math import atan2, cos, pi, sin, tau
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,9 @@ BEFORE = 0.022
 LEVEL, PROFILE, SPEED, DELAY, LEAN = 0.65, 0.75, 0.045, 0.3, 0.03
 """Of the curl, and level of the swing, from which a search begins. A front that is slow lays the arm on the object bit by bit, so that it
 matters little when the arm meets it; a level that is high at the begin and falls with the radius bends thick and thin parts as tightly."""
+
+ALONG = 0.5
+"""Cosine of the angle between an object's axis and the arm from which on the object counts as standing along it."""
 
 TOUCHES = 2e-3
 """Gap below which a planned arm counts as touching, m."""
@@ -160,25 +163,56 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene) -> Task:
 def grasp_region(task: Task, arm: Arm, scene: Scene) -> dict[str, tuple[float, float]]:
     """Where to look round for grasps before a search: lowest and highest of each free number of `grasp_drives`, by its name.
 
-    Leans go to all sides, and the curl towards the object, from a little before the nearest point to a little beyond it.
+    The curl goes towards the object, from a little before the nearest point to a little beyond it. Beside an object that stands along the
+    arm a part before the curl leans to the side from which the object's axis leans away, so that the arm comes to lie across it, and the
+    twist has the hand of the helix that is left; elsewhere leans go to all sides.
     """
     place, _, azimuth = nearest(arm, grasped(task, scene))
-    scale = arm.length / 0.2
-    leans = max(place + 0.01 * scale, 0.06 * scale)
-    return {
-        "curl.azimuth": (azimuth - 0.9, azimuth + 0.9),
+    scale, side = arm.length / 0.2, slant(arm, grasped(task, scene))
+
+    def about(centre: float, low: float, high: float) -> tuple[float, float]:
+        """A range that is mirrored where the object leans to the other side."""
+        return (centre + low, centre + high) if side >= 0 else (centre - high, centre - low)
+
+    region = {
+        "curl.azimuth": about(azimuth, -0.9, 0.6 if side else 0.9),
         "curl.level": (0.5, 0.75),
-        "curl.profile": (0.3, 1.2),
-        "curl.start": (max(place - 0.035 * scale, 0.0), min(place + 0.04 * scale, 0.8 * arm.length)),
+        "curl.profile": (0.6, 1.5),
+        "curl.start": (
+            max(place - 0.035 * scale, 0.0),
+            min(max(place + 0.01 * scale, 0.06 * scale) if side else place + 0.04 * scale, 0.8 * arm.length),
+        ),
         "curl.speed": (0.03 * scale, 0.07 * scale),
-        "curl.delay": (0.1, 0.8),
-        "twist.turns": (-0.3, 0.3),
-        "twist.stop": (0.07 * scale, 0.13 * scale),
-        "swing.azimuth": (azimuth - pi, azimuth + pi),
-        "swing.level": (0.0, 0.35),
-        "swing.start": (max(leans - 0.07 * scale, 0.0), max(leans - 0.04 * scale, 0.0)),
-        "swing.stop": (leans - 0.03 * scale, leans),
+        "curl.delay": (0.3, 1.0),
+        "twist.turns": about(0.0, -0.1, 0.4) if side else (-0.3, 0.3),
+        "twist.stop": (0.08 * scale, 0.14 * scale),
     }
+    if side:
+        lean = {
+            "azimuth": about(azimuth, 0.5, 2.0),
+            "level": (0.1, 0.25),
+            "start": (0.01 * scale, 0.05 * scale),
+            "stop": (0.04 * scale, 0.1 * scale),
+        }
+    else:
+        stop = max(place + 0.01 * scale, 0.06 * scale)
+        lean = {"azimuth": (azimuth - pi, azimuth + pi), "level": (0.0, 0.35)}
+        lean |= {"start": (max(stop - 0.07 * scale, 0.0), max(stop - 0.04 * scale, 0.0)), "stop": (stop - 0.03 * scale, stop)}
+    return region | {f"swing.{name}": ends for name, ends in lean.items()}
+
+
+def slant(arm: Arm, item: RigidObject) -> int:
+    """To which side an object that stands along the arm leans: 1, or -1 for its mirror image, 0 if it stands across.
+
+    Sides are those of somebody who looks along the arm at rest from its base, the object above.
+    """
+    if not isinstance(item, Capsule | Cylinder):
+        return 0
+    axis, azimuth = frame_of(item)[2], nearest(arm, item)[2]
+    if abs(axis[1]) < ALONG:
+        return 0
+    aside = axis[0] * sin(azimuth) - axis[2] * cos(azimuth)
+    return 1 if aside * axis[1] >= 0 else -1
 
 
 def grasped(task: Task, scene: Scene) -> RigidObject:
