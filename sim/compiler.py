@@ -219,7 +219,8 @@ class _Cache(FunctionCache):
         self._settings = _options(settings)
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        return sig, codegen.magic_tuple(), (self._settings, fingerprint(self._py_func))
+        # What is compiled for `by_address`, with the result that it has, is what a call of the same arguments runs.
+        return getattr(sig, "args", sig), codegen.magic_tuple(), (self._settings, fingerprint(self._py_func))
 
 
 def cache_folder(function: Callable[..., Any]) -> Path | None:

@@ -20,11 +20,26 @@ settings.load_profile("octoctrl")
 def pytest_configure(config):
     # Programs that tests start take the octoctrl that is tested, not the one of the folder that they happen to start in.
     os.environ["PYTHONSAFEPATH"] = "1"
+    # Workers and programs, each on a core of its own: threads of linear algebra that wait for each other take ten times as long.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         import octoctrl.sim
     except ImportError:
         pytest.exit("octoctrl is not installed; run: pip install '.[test]'", returncode=4)
     assert octoctrl.sim
+
+
+FULL_ARM = ("assembly", "copying", "laboratory", "plants", "precision", "self_contact", "squid", "state", "strands", "threads", "volume")
+"""Files that move full arms, by the begin of their names. What moves one is compiled in half a minute."""
+
+
+def pytest_collection_modifyitems(items):
+    """Keep a file on one worker, and where there are two all that move full arms, which would otherwise both compile the same."""
+    few = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) < 4
+    for item in items:
+        name = item.path.stem.removeprefix("test_")
+        item.add_marker(pytest.mark.xdist_group("full arm" if few and name.startswith(FULL_ARM) else name))
+    items.sort(key=lambda item: item.path.stem != "test_precision")  # it compiles anew, and keeps that for the others
 
 
 def pytest_report_header(config):

@@ -367,7 +367,7 @@ def test_rest_is_rest_without_any_tone():
 
 
 def test_twisting_keeps_the_volume():
-    plant = make_plant("assembly")
+    plant = make_plant("assembly-coarse")
     volume = plant.core.volume()
     plant.advance(programme(), 0.1)
     slabs = plant.core.rods.slab(SlabRow.VOLUME) / plant.core.rods.slab(SlabRow.REST)
@@ -399,7 +399,7 @@ def test_published_numerics_give_the_published_motion():
 
 
 def test_a_saved_state_continues_bit_by_bit(tmp_path):
-    plant, other = make_plant("assembly"), make_plant("assembly")
+    plant, other = make_plant("assembly-coarse"), make_plant("assembly-coarse")
     plant.advance(programme(), 0.01)
     plant.save(tmp_path / "state.npz")
     plant.advance(programme(), 0.01)
@@ -408,7 +408,7 @@ def test_a_saved_state_continues_bit_by_bit(tmp_path):
     for mine, theirs in zip(plant.core.nodes(), other.core.nodes(), strict=True):
         np.testing.assert_array_equal(mine, theirs)
     with pytest.raises(OctoctrlError, match="steps=71"):
-        make_plant("assembly", dt=2e-5).load(tmp_path / "state.npz")
+        make_plant("assembly-coarse", dt=2e-5).load(tmp_path / "state.npz")
 
 
 def test_cord_brake_moves_momentum_from_the_cord_to_its_muscles(state):
@@ -503,7 +503,7 @@ def test_a_sample_that_stops_is_tried_again_at_parts_of_the_step():
 
 def test_all_muscles_together_contract_without_flutter():
     """Contracted helices and muscles scallop the rings; taken for stiffer than they are, these flutter at half a metre per second."""
-    plant = make_plant("assembly")
+    plant = make_plant("assembly-coarse")
     everything = Plateau(groups=plant.arm.layout.names, level=1.0, rise=0.5)
     recording = plant.advance(Activation(templates=(everything,)), 0.12)
     ring = np.stack([plant.core.rods.ring(R.V1 + i) for i in range(3)])
@@ -512,7 +512,7 @@ def test_all_muscles_together_contract_without_flutter():
 
 
 def test_guard_names_rod_and_element():
-    plant = make_plant("assembly")
+    plant = make_plant("assembly-coarse")
     plant.core.rods.oblique(R.V2, nodes=True)[6, 200] = 5000.0
     with pytest.raises(PlantUnstableError, match=r"element \d+ of (R-OM helix 3|ring \d+)") as caught:
         plant.advance(Activation(), 0.01)

@@ -262,7 +262,7 @@ PRINT_BITS = """
 import hashlib
 from test_assembly_rods import everything, programme
 from octoctrl.sim.plants import make_plant
-plant = make_plant("assembly")
+plant = make_plant("assembly-coarse")
 plant.advance(programme(), 0.02)
 print(hashlib.sha256(everything(plant)).hexdigest())
 """
@@ -277,9 +277,9 @@ def test_same_bits_with_one_and_two_threads_of_numba():
 
 
 def test_plants_in_two_threads_do_not_disturb_each_other():
-    alone = make_plant("assembly")
+    alone = make_plant("assembly-coarse")
     alone.advance(programme(), 0.03)
-    plants = [make_plant("assembly"), make_plant("assembly")]
+    plants = [make_plant("assembly-coarse"), make_plant("assembly-coarse")]
     workers = [threading.Thread(target=lambda plant=plant: [plant.advance(programme(), 0.005) for _ in range(6)]) for plant in plants]
     for worker in workers:
         worker.start()
@@ -290,7 +290,7 @@ def test_plants_in_two_threads_do_not_disturb_each_other():
 
 @pytest.mark.parametrize(
     "options",
-    [{"sample_interval": 2e-3}, {"paper_compatible": True, "sample_interval": 2e-3}],
+    [{"ring_nodes": 8, "sample_interval": 2e-3}, {"paper_compatible": True, "sample_interval": 2e-3}],
     ids=["default", "published"],
 )
 def test_state_saved_in_the_middle_of_a_programme_goes_on_bit_by_bit(tmp_path, options):

@@ -162,12 +162,15 @@ def test_a_killed_run_leaves_a_file_up_to_its_last_chunk(endless, signum, code):
     command = [*PROGRAM, "run", "endless.npz", "-o", name, "--open-loop", "-q"]
     with subprocess.Popen(command, cwd=endless, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         deadline = time.monotonic() + 240
-        while recorded(endless / name) < 2.0:
-            assert process.poll() is None and time.monotonic() < deadline
-            time.sleep(0.1)
-        known = recorded(endless / name)
-        os.kill(process.pid, signum)
-        _, err = process.communicate(timeout=60)
+        try:
+            while recorded(endless / name) < 2.0:
+                assert process.poll() is None and time.monotonic() < deadline
+                time.sleep(0.1)
+            known = recorded(endless / name)
+            os.kill(process.pid, signum)
+            _, err = process.communicate(timeout=60)
+        finally:
+            process.kill()  # or what failed here would be waited for without end
     assert process.returncode == code, err
     assert "Traceback" not in err
     execution = store.load(endless / name)

@@ -5,6 +5,7 @@ import pickle
 import subprocess
 import sys
 
+import numba
 import numpy as np
 import pytest
 
@@ -183,6 +184,19 @@ def test_kernels_are_called_by_address_in_turn():
         in_turn(by_address(tuple(map(writer, shifts)), out, 10.0), out, 10.0)
     assert out[0] == 11.0 + 12.0 + 13.0
     assert len(in_turn.signatures) == 1  # compiled once for them all
+
+
+def test_what_is_compiled_for_a_call_is_found_for_an_address_and_the_other_way_round(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path))
+    for called_first in (True, False):
+        out, shift = np.zeros(1), 30.0 + called_first
+        for called in (called_first, not called_first):
+            write = writer(shift)
+            if called:
+                write(out, 10.0)
+            else:
+                in_turn(by_address((write,), out, 10.0), out, 10.0)
+        assert out[0] == 2 * (10.0 + shift) and write.stats.cache_hits and not write.stats.cache_misses
 
 
 def test_a_kernel_at_an_address_is_called_with_nothing_that_it_is_not_compiled_for():

@@ -302,6 +302,8 @@ def test_what_is_too_thick_for_the_arm_is_refused_before_anything_moves():
     assert f"{found:.2f} times at most" in reason
     plan = oc.plan(configuration)
     assert plan.status is PlanStatus.REFUSED and plan.report.reason == reason and not plan.status.solved
+    nothing = replace(plan, task=replace(plan.task, drives="choose"))
+    assert reason in str(plan) and reason in str(nothing), "also where the planner was to choose the drives"
     assert not plan.schedule.activation().levels([1.0], ARM.edges).any()
     assert too_short(task_for(POST).task, ARM, oc.Scene(objects=(POST,))) == ""
 

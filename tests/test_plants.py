@@ -278,16 +278,16 @@ def test_coil_for_the_full_arm_stays_within_what_was_identified_and_says_if_not(
 def test_short_stretch_in_closed_loop_on_the_full_arm(plan, tmp_path, monkeypatch, capsys):
     """The same through the command line and the library: plant chosen by the plan, named in file and text, followed closely."""
     monkeypatch.chdir(tmp_path)
-    short = shortened(plan, 0.15)
+    short = replace(shortened(plan, 0.15), plant="assembly-coarse")
     store.save("plan.npz", short)
     assert main(["run", "plan.npz", "-o", "run.npz", "--json", "-q"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["plant"] == "assembly" and answer["status"] == "finished"
+    assert answer["plant"] == "assembly-coarse" and answer["status"] == "finished"
     run = store.load("run.npz")
-    assert run.plant == "assembly" and "plant assembly " in str(run) and run.recording.stretch.shape[1] == 180
+    assert run.plant == "assembly-coarse" and "plant assembly-coarse " in str(run) and run.recording.stretch.shape[1] == 180
     assert run.recording.time[-1] == pytest.approx(0.15) and run.trace.twist[-1] < -0.05
     assert np.abs(run.trace.twist - run.planned.twist).max() < 0.05
-    again = execute(short, plant="assembly", period=0.025)
+    again = execute(short, plant="assembly-coarse", period=0.025)
     np.testing.assert_array_equal(again.recording.points, run.recording.points)
     assert verify(run).checks
 

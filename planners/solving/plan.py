@@ -235,7 +235,7 @@ class Plan(Record):
             twist, writhe = (np.interp(end, self.trace.time, getattr(self.trace, key)) for key in ("twist", "lifted_writhe"))
             lines.append(f"  {name:10} {begin:5.2f}  {end:5.2f}    {twist:+6.2f}          {writhe:+6.2f}")
         names = [drive.name for drive in self.task.drives]
-        width = max(16, *(len(name) + 2 for name in names))
+        width = max([16, *(len(name) + 2 for name in names)])
         lines.append(f" {'drive':{width + 2}}primitive  muscles       level   onset    rise  offset")
         names += [""] * (len(self.schedule.primitives) - len(names))
         for name, primitive in zip(names, self.schedule.primitives, strict=False):
