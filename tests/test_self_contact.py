@@ -140,6 +140,7 @@ def nearest(recording):
     return distance[:, apart].min()
 
 
+@pytest.mark.slow
 def test_the_full_arm_keeps_its_laps_apart_and_goes_on_bit_by_bit():
     made = full_arm()
     first = made.advance(FIST, 0.6)

@@ -176,6 +176,7 @@ def compare(reference, place, speed, apart, slower):
         assert abs(speed[10 * instant] / MM - fast) < slower, instant
 
 
+@pytest.mark.slow
 def test_published_numerics_begin_as_the_recorded_run():
     # Rest is a knife's edge of the published law, so that rounding decides when the rings spring open: spread 0.1 mm and 20 mm/s here.
     _, place, speed = strike(0.0362, paper_compatible=True)
@@ -219,6 +220,7 @@ def test_default_strike_does_not_depend_on_the_step(default_strike):
     assert np.abs(speed[: len(finer)] - finer_speed).max() < 0.01 * speed.max()
 
 
+@pytest.mark.slow
 def test_published_numerics_are_not_resolved_at_the_published_step():
     """Explicit Hill muscles need steps of some 20 ns; at the published 1.25 µs velocities alternate and the rings shorten too fast."""
     start, _, _ = strike(0.034, resting_tone=0.0)

@@ -192,7 +192,8 @@ def test_places_in_halves_are_those_of_the_arm():
             assert np.array_equal(memory.workers[0][0][memory.points(points).place], points.place)
 
 
-@pytest.mark.parametrize("precision", ["mixed", pytest.param("double", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["mixed", "double"])
 def test_two_threads_give_the_bits_of_one(precision):
     one, two = (make_plant("assembly-coarse", precision=precision, threads=threads, record_every=1) for threads in (1, 2))
     runs = [plant.advance(MOVING, 0.04) for plant in (one, two)]
@@ -228,6 +229,7 @@ def test_two_threads_touch_and_carry_as_one_does():
         assert np.array_equal(values, runs[1].series[name]), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", [20, 200, 340])
 def test_what_stops_one_half_of_the_arm_stops_both_threads(node):
     texts, places = [], []
@@ -243,6 +245,7 @@ def test_what_stops_one_half_of_the_arm_stops_both_threads(node):
     assert texts[0] == texts[1] and places[0] == places[1]
 
 
+@pytest.mark.slow
 def test_two_threads_on_one_core_cost_less_than_twice_as_much():
     if not hasattr(os, "sched_setaffinity"):
         pytest.skip("cores cannot be chosen here")
