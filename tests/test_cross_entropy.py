@@ -1,14 +1,13 @@
 """The search by trial: it finds what is known, nothing but the seed decides what it tries, and it says so when it is cut short."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import partial
 from time import sleep
 
 import numpy as np
 import pytest
 
-from octoctrl.planners.solving.cross_entropy import Judgement, Unknowns, search, survey
+from octoctrl.planners.solving.cross_entropy import Judgement, Unknowns, search
 from octoctrl.sim.errors import OctoctrlError
 
 LOWEST = np.array([0.3, -0.6, 1.0])
@@ -135,28 +134,3 @@ def test_unknowns_that_do_not_fit_are_refused():
         Unknowns(names=("a",), mean=np.zeros(2), spread=np.ones(1), low=np.zeros(1), high=np.ones(1))
     with pytest.raises(OctoctrlError, match="unknown 'a': 1 to 0 is no range"):
         Unknowns(names=("a",), mean=np.zeros(1), spread=np.ones(1), low=np.ones(1), high=np.zeros(1))
-
-
-def test_a_survey_leads_to_where_a_search_alone_does_not_come(one):
-    """A narrow hole far from the mean, in a plane that is otherwise flat."""
-    told = []
-
-    def hole(x, worth):
-        told.append(worth)
-        return Judgement(price=min(1.0, float(np.linalg.norm(x - [1.5, -1.5, 0.5]))))
-
-    given = np.random.default_rng(3).uniform(-2.5, 2.5, size=(60, 3))
-    seen = survey(hole, SPACE, given, one, seed=3)
-    tried = [item.x.tolist() for item in seen.candidates]
-    assert sorted(tried) == sorted(SPACE.within(x).tolist() for x in given)
-    assert set(told) == {-np.inf} and seen.runs == 60 and seen.rounds == []
-    assert [item.price for item in seen.candidates] == sorted(item.price for item in seen.candidates)
-    assert str(seen).startswith("seed 3: 60 candidates, 60 runs") and str(seen).endswith("all were tried")
-    narrow = replace(SPACE, spread=SPACE.spread / 3)
-    assert search(hole, replace(narrow, mean=seen.best.x), one, rounds=12).best.price < 0.3
-    assert search(hole, narrow, one, rounds=12).best.price == 1.0
-
-
-def test_an_interrupted_survey_keeps_what_was_judged(one):
-    found = survey(partial(interrupted, []), SPACE, np.zeros((40, 3)), one)
-    assert found.ended == "interrupted" and len(found.candidates) == 12

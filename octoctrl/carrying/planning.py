@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from octoctrl.planners.asking.goals.touching import TouchingGoal
 from octoctrl.planners.asking.task import Task
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.body.arm import Arm
@@ -76,6 +75,8 @@ def plan(
     PlanFailedError
         If `strict` and some goal is not met.
     """
+    from octoctrl.planners.solving.grasping import check_objects, is_simulated
+
     from .identifying import load_model
 
     configuration = as_configuration(task)
@@ -85,11 +86,11 @@ def plan(
     check_kind("scene", scene, Scene)
     if guess is not None:
         check_kind("guess", guess, Plan, "what oc.plan gives, or oc.load of its file")
-    _check_objects(configuration.task, scene)
+    if is_simulated(configuration.task):
+        check_objects(configuration.task, scene)
     identified = load_model(model, arm, scene, configuration.run.plant if plant is None else plant)
     if configuration.plan.sections is not None:
         identified = identified.divided(configuration.plan.sections)
-    from octoctrl.planners.solving.grasping import is_simulated
     from octoctrl.planners.solving.scenarios import ERRORS
 
     limit = configuration.plan.time_limit if time_limit is None else time_limit
@@ -130,23 +131,6 @@ def plan(
     run = configuration.run
     found = replace(found, plant=run.plant if plant is None else plant, feedback=run.feedback, period=run.period)
     return found.raise_if_failed() if strict else found
-
-
-def _check_objects(task: Task, scene: Scene) -> None:
-    """Check that a scene has the objects that the goals of a task are about.
-
-    Raises
-    ------
-    OctoctrlError
-        If one is missing.
-    """
-    known = [item.name for item in scene.objects]
-    for goal in (goal for phase in task.phases for goal in phase.goals if isinstance(goal, TouchingGoal)):
-        for name in (getattr(goal, role) for role in ("object", "other") if hasattr(goal, role)):
-            if name not in known:
-                raise OctoctrlError(
-                    f"task '{task.name}': a goal is about object '{name}', which the scene does not have ({', '.join(known) or 'none'})"
-                )
 
 
 def as_configuration(task: str | Path | Configuration | Task) -> Configuration:

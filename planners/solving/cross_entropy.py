@@ -3,7 +3,7 @@
 Each round draws a population about a mean, judges it over an executor, and goes on from the best few: the mean becomes theirs, the spread
 partly theirs and partly what it was (de Boer et al. 2005, Ann. Oper. Res. 134:19, with smoothed spread). The numbers that are drawn depend
 on the seed alone, not on who judges them, or when. Whoever judges is told the price beyond which a trial would not have been
-among the best of the round before, and may then leave off. A search goes downhill from where it begins; where that is, a survey may say.
+among the best of the round before, and may then leave off. A search goes downhill from where it begins.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -183,42 +183,6 @@ class Tell(Protocol):
     def advance(self, done: float, note: str = "") -> None:
         """So many candidates are done."""
         ...
-
-
-def survey(
-    judge: Callable[[Floats, float], Judgement],
-    unknowns: Unknowns,
-    tried: Sequence[Floats],
-    executor: Executor,
-    *,
-    seed: int = 0,
-    stop: Callable[[], bool] = lambda: False,
-    progress: Tell | None = None,
-) -> Searched:
-    """Look at numbers that are given for places from which to search.
-
-    Parameters
-    ----------
-    judge : callable
-        As of `search`; it is told that no price is worth knowing in full, so that it leaves off as soon as it knows anything.
-    unknowns : Unknowns
-    tried : sequence of (n,) float64
-    executor : Executor
-    seed : int
-        By which they were drawn.
-    stop : callable
-        Whether time is up.
-    progress : Tell, optional
-
-    Returns
-    -------
-    Searched
-        Without rounds, also when it is interrupted.
-    """
-    found = Searched(unknowns=unknowns, seed=seed, ended="all were tried", worth=-np.inf)
-    with _counted(found):
-        _judged(judge, found.worth, list(map(unknowns.within, tried)), executor, found, stop, progress)
-    return found
 
 
 def search(

@@ -57,7 +57,7 @@ def is_simulated(task: Task) -> bool:
 
 
 def check_objects(task: Task, scene: Scene) -> None:
-    """Check that the scene has the objects that the goals of a task name.
+    """Check that the scene has the objects that the goals of a task are about.
 
     Raises
     ------
@@ -65,11 +65,12 @@ def check_objects(task: Task, scene: Scene) -> None:
         If one is missing.
     """
     known = [item.name for item in scene.objects]
-    for name in sorted(objects_held(task)):
-        if name not in known:
-            raise OctoctrlError(
-                f"task '{task.name}': a goal is about object '{name}', which the scene does not have ({', '.join(known) or 'none'})"
-            )
+    for goal in (goal for phase in task.phases for goal in phase.goals if hasattr(goal, "object")):
+        for name in (getattr(goal, role) for role in ("object", "other") if hasattr(goal, role)):
+            if name not in known:
+                raise OctoctrlError(
+                    f"task '{task.name}': a goal is about object '{name}', which the scene does not have ({', '.join(known) or 'none'})"
+                )
 
 
 def nearest(arm: Arm, item: RigidObject) -> tuple[float, float, float]:
