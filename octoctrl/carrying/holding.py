@@ -1,4 +1,4 @@
-"""What a verdict says of objects: how deep the arm sank into each and, of those that a task is about, how they were held."""
+"""What a verdict says of objects: how deep the arm sank into each and, of those that a task is to handle, how they were held."""
 
 from collections.abc import Iterator
 from math import inf
@@ -27,12 +27,12 @@ LINK_RESIDUAL = 0.02
 
 
 def holding_checks(task: Task, arm: Arm, recording: Recording, trace: TopologyTrace) -> Iterator[Check]:
-    """Check the objects on the `recording` of an `arm`, with its `trace`, above all those that the goals of a `task` name.
+    """Check the objects on the `recording` of an `arm`, with its `trace`, above all those that the goals of a `task` ask to handle.
 
     Yields
     ------
     Check
-        Depth of each and, where the task ends in a hold of it, drift with limits; of those that goals name covered winding, winding, normal
+        Depth of each and, where the task ends in a hold of it, drift with limits; of what is handled covered winding, winding, normal
         force, loaded points and slip at the end, as they are, and the size of the cord's writhe. Writhe jumps by two between runs that look
         alike: nothing is judged by it.
     """

@@ -42,8 +42,8 @@ TOUCHES = 2e-3
 
 
 def objects_held(task: Task) -> set[str]:
-    """Names of the objects that the goals of a task are about."""
-    return {str(goal.object) for phase in task.phases for goal in phase.goals if hasattr(goal, "object")}
+    """Names of the objects that the goals of a task ask the arm to handle."""
+    return {str(goal.object) for phase in task.phases for goal in phase.goals if hasattr(goal, "object") and getattr(goal, "handled", True)}
 
 
 def held_at_the_end(task: Task) -> set[str]:
@@ -231,7 +231,7 @@ def grasped(task: Task, scene: Scene) -> RigidObject:
 
 
 def touch_time(plan: Plan) -> float:
-    """When a plan's arm first comes as near as `TOUCHES` to an object that its goals name, s; infinite if it never does."""
+    """When a plan's arm first comes as near as `TOUCHES` to an object that it is to handle, s; infinite if it never does."""
     from octoctrl.sim.contact.measures import gaps
 
     held = objects_held(plan.task)

@@ -29,6 +29,7 @@ class ThreadingGoal(TouchingGoal):
 
     quantity: ClassVar[str] = "threading"
     unit: ClassVar[str] = ""
+    handled: ClassVar[bool] = False
     other: str
     tolerance: float = 0.5
 

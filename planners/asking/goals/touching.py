@@ -28,6 +28,8 @@ class TouchingGoal(ScalarGoal):
 
     simulated: ClassVar[bool] = True
     steered: ClassVar[bool] = False  # the model, on which feedback is designed, knows nothing of it
+    handled: ClassVar[bool] = True
+    """Whether the object is what the arm is to hold or to move; otherwise it is only in the way."""
     enough: ClassVar[float] = 0.15
     """Price that needs no bettering."""
     limits: ClassVar[tuple[float, float]] = (-inf, inf)
