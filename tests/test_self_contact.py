@@ -49,17 +49,20 @@ def wound():
 
 def test_laps_lie_on_each_other_and_not_in_each_other(wound):
     assert closest(oc.make_plant("rod").advance(SPIRAL, 3.0)) < 0.5
-    assert closest(wound) > 0.97
+    assert closest(wound) > 1.0
     force, deepest, loaded = wound.series[SELF_CONTACT].T
-    assert deepest.max() < 0.02 * RADIUS[0] and force.max() > 5e-3 and force[-1] > 0 and loaded[-1] >= 1
+    assert deepest.max() < 0.004 * RADIUS[0] and force.max() > 5e-3 and loaded.max() >= 1
 
 
 def test_half_the_step_winds_the_same_spiral():
-    made = plant()
-    whole, half = made.advance(spiral(0.24), 3.0), plant(dt=made.h / 2).advance(spiral(0.24), 3.0)
-    forces = [item.series[SELF_CONTACT][:, 0].max() for item in (whole, half)]
-    off = np.linalg.norm(half.points - whole.points, axis=2).max(axis=1) / ARM.length
-    assert off.max() < 0.01 and off[-1] < 5e-4
+    """As nearly as it does without contact."""
+    off, forces = [], []
+    for scene in (oc.Scene(), oc.Scene(self_contact=True)):
+        made = oc.make_plant("rod", scene=scene)
+        whole, half = (oc.make_plant("rod", scene=scene, dt=made.h / part).advance(spiral(0.24), 3.0) for part in (1, 2))
+        off.append(np.linalg.norm(half.points - whole.points, axis=2).max(axis=1) / ARM.length)
+        forces = [item.series[SELF_CONTACT][:, 0].max() for item in (whole, half) if scene.self_contact]
+    assert off[1].max() < 1.2 * off[0].max() and off[1].max() < 0.02 and off[1][-1] < 1e-3
     assert forces[0] == pytest.approx(forces[1], rel=0.2) and forces[1] > 5e-3
 
 

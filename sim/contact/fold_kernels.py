@@ -20,9 +20,9 @@ def fold_sweeps(surface: Surface) -> Any:
     Returns
     -------
     watch, part, note : compiled functions
-        ``watch(buffer, folds, span)`` lists the pairs that may meet within a time (s), ``part(buffer, folds, h)`` exchanges impulses, and
-        ``note(folds, sample, h, steps)`` keeps what there was of them in a sample and returns whether a finer step would follow better;
-        `folds` an `octoctrl.sim.contact.folds.Folds`.
+        ``watch(buffer, folds, span)`` lists the pairs that may meet within a time (s), ``part(buffer, folds, h)`` exchanges impulses and
+        returns whether there were any, and ``note(folds, sample, h, steps)`` keeps what there was of them in a sample and returns whether
+        a finer step would follow better; `folds` an `octoctrl.sim.contact.folds.Folds`.
     """
     place, velocity, mobility, push = surface.place, surface.velocity, surface.mobility, surface.push
 
@@ -45,8 +45,8 @@ def fold_sweeps(surface: Surface) -> Any:
         folds.found[0] = found
 
     @borrowing_kernel
-    def part(b: Any, folds: Any, h: Any) -> None:
-        points, sums, slack, rate, closes = folds.points, folds.sums, folds.slack, 1.0 / h, h * folds.pace[0]
+    def part(b: Any, folds: Any, h: Any) -> bool:
+        points, sums, slack, rate, closes, pushed = folds.points, folds.sums, folds.slack, 1.0 / h, h * folds.pace[0], False
         for k in range(folds.found[0]):
             slack[k] -= closes
             if slack[k] > 0:
@@ -77,6 +77,8 @@ def fold_sweeps(surface: Surface) -> Any:
                 sums[1] = max(sums[1], -gap)
                 sums[2] += 1.0
                 sums[3] = max(sums[3], -gap - size / (h * stiffness))
+                pushed = True
+        return pushed
 
     @borrowing_kernel
     def note(folds: Any, sample: Any, h: Any, steps: Any) -> bool:

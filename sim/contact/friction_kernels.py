@@ -9,7 +9,7 @@ With the gap g at mid-step, normal n from body to arm, relative velocity v of th
 Backward Euler for the spring and its damper, so there is no limit on the step; the return to the friction cone is that of plasticity
 (Simo & Laursen 1992, Computers & Structures 42:97). Impulses act on arm and body at once, point by point in a fixed order. The anchor
 follows the velocity that the surfaces have at the end of the step, when the implicit muscles have had their say (`follow`): with the
-predicted one the arm would tremble in its grasp for ever.
+one from before the arm would tremble in its grasp for ever.
 
 `anchors` are those of all points with one body, (P, Anchor.WIDTH), and `point` the one that touches.
 """

@@ -166,12 +166,15 @@ class Surroundings:
 
     def _followed(self, motion: Motion) -> Motion:
         """A `motion` up to where the first object goes astray, if one does: nobody would see it pass through the arm."""
-        for name, notes in motion.series.items():
-            speed = np.linalg.norm(notes[:, Note.VELOCITY : Note.VELOCITY + 3], axis=1) if name.startswith(PREFIX) else np.empty(0)
-            astray = ~((speed < FASTEST) & np.isfinite(notes[:, : Note.VELOCITY]).all(axis=1)) if len(speed) else np.empty(0, dtype=bool)
+        for item, body in zip(self.objects, self.world.bodies, strict=True):
+            if not body[Body.MOVING]:
+                continue
+            notes = motion.series[PREFIX + item.name]
+            speed = np.linalg.norm(notes[:, Note.VELOCITY : Note.VELOCITY + 3], axis=1)
+            astray = ~((speed < FASTEST) & np.isfinite(notes[:, : Note.VELOCITY]).all(axis=1))
             if astray.any():
                 motion = motion.until(int(astray.argmax()))
-                motion = motion._replace(finding=Finding.ASTRAY, rod=f"object '{name.removeprefix(PREFIX)}'")
+                motion = motion._replace(finding=Finding.ASTRAY, rod=f"object '{item.name}'")
         return motion
 
     def before_change(self, first: int, sample: float) -> int | None:

@@ -1,8 +1,9 @@
 """One step's contact of an arm's points with bodies, and the list of points that come near: the same for every plant.
 
 A plant says where its points are and how their surface moves, and takes what impulses do to it; which of them are looked at, whether they
-meet, what they exchange and how anchors follow is here. Order in a step: kick, `touch`, implicit muscles, `follow`, drift
-(see `octoctrl.sim.contact.friction_kernels`).
+meet, what they exchange and how anchors follow is here. Order in a step of the full arm: kick, `touch`, implicit muscles, `follow`, drift
+(see `octoctrl.sim.contact.friction_kernels`); of one rod, whose muscles are far stiffer than its step: kick, implicit muscles, `touch`, the
+muscles' answer to that, `follow`, drift (see `octoctrl.sim.rod.section_kernels`).
 """
 
 from typing import Any, NamedTuple
@@ -49,7 +50,7 @@ def contact_sweeps(surface: Surface) -> Any:
     -------
     watch, touch, follow : compiled functions
         ``watch(buffer, world, span)`` lists the points that may meet each body within a time (s); ``touch(buffer, world, h)`` exchanges
-        impulses; ``follow`` with the same arguments moves anchors.
+        impulses and returns whether there were any; ``follow`` with the same arguments moves anchors.
     """
     place, meet, velocity, mobility, push = surface
 
@@ -64,8 +65,8 @@ def contact_sweeps(surface: Surface) -> Any:
         look(world, np.sqrt(fastest), span)
 
     @borrowing_kernel
-    def touch(b: Any, world: Any, h: Any) -> None:
-        points, rate = world.points, 1.0 / h
+    def touch(b: Any, world: Any, h: Any) -> bool:
+        points, rate, pushed = world.points, 1.0 / h, False
         for j in range(world.bodies.shape[0]):
             count = world.counts[j]
             if count == 0:
@@ -95,6 +96,8 @@ def contact_sweeps(surface: Surface) -> Any:
                 if p1 == 0.0 and p2 == 0.0 and p3 == 0.0:
                     continue
                 push(b, points, p, l1, l2, l3, rate, p1, p2, p3)
+                pushed = True
+        return pushed
 
     @borrowing_kernel
     def follow(b: Any, world: Any, h: Any) -> None:

@@ -32,10 +32,7 @@ LARGEST_STEP = 1e-3
 """What ``dt="auto"`` takes at most, s: coarse arms would be stable beyond, but miss the onset of their muscles."""
 
 TOUCHING_STEP = 7e-4
-"""The same where there are objects to touch, s: at 1 ms what is held by friction can go on trembling, by 1 cm/s."""
-
-FOLDED_STEP = 2e-4
-"""The same where the arm touches itself, s: at 0.5 ms a light tip that is caught between heavier laps folds over."""
+"""The same where the arm can touch objects or itself, s: at 1 ms what is held by friction can go on trembling, by some mm/s."""
 
 NO_LOADS = np.zeros((1, 5, 3, 1))
 
@@ -139,9 +136,8 @@ class RodCore:
     @property
     def usual(self) -> float:
         """What ``dt="auto"`` takes, s."""
-        if self._folds is not None:
-            return min(SAFETY * self.limit.step, FOLDED_STEP)
-        return min(SAFETY * self.limit.step, LARGEST_STEP if self._around is None else TOUCHING_STEP)
+        alone = self._around is None and self._folds is None
+        return min(SAFETY * self.limit.step, LARGEST_STEP if alone else TOUCHING_STEP)
 
     def _limit_at_rest(self) -> StepLimit:
         key = self.arm, self.scene.water

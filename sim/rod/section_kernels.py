@@ -12,6 +12,10 @@ The force-velocity law acts as a viscosity c = T_v / l' with Hill's secant, tens
 linearly implicitly: with the exact old rates on the right-hand side, and a diagonal bound of the viscosity (plus an elastic tangent) on
 the increments of stretch rate, curvature rate and twist rate, which leaves three scalar tridiagonal systems. The secant at the old rate
 keeps the sign of the driving force, so that it cannot chatter; treated explicitly the law would need steps of nanoseconds.
+
+Contact reads the velocities that this step leaves, and what its impulses add to them goes through the same systems once more. With the
+velocities before it, whose rough part is far too large, what contact holds would depend on the arm's forces by a matrix that is not
+symmetric; then elasticity feeds a flutter, and no grasp is ever at rest.
 """
 
 from collections.abc import Callable
@@ -189,10 +193,11 @@ def section_kernels(stride: int, layout: MuscleLayout) -> tuple[Callable[..., An
 
     Returns
     -------
-    measure, straight, wound, apply, remember, brake, relax : compiled functions
+    measure, straight, wound, apply, remember, brake, relax, left, answer : compiled functions
         `measure` gives section strains; `straight` starts the sums with the passive stress of nerve cord and longitudinal fibres, `wound`
         adds that of oblique fibres and rings; `apply` hands tension and moments to the rod; `remember` keeps the old spins, `brake`
-        prepares the two tridiagonal systems, `relax` solves them and corrects the velocities. `elastic` is the time (s) by which the
+        prepares the two tridiagonal systems, `relax` solves them and corrects the velocities. `left` keeps these velocities, and `answer`
+        corrects in the same way what has been added to them since. `elastic` is the time (s) by which the
         elastic tangent is multiplied to join the viscosity.
     """
     o = offsets(stride)
@@ -293,22 +298,31 @@ def section_kernels(stride: int, layout: MuscleLayout) -> tuple[Callable[..., An
             b[OLD1 + k], b[OLD2 + k], b[OLD3 + k] = b[W1 + k], b[W2 + k], b[W3 + k]
 
     @kernel
-    def brake(b: Floats, n: np.uint64) -> None:
+    def changes(b: Floats, n: np.uint64) -> None:
+        # Of the spins since `remember`, in the laboratory frame.
         for k in range(ONE, n + ONE):
-            b[YIELD + k] = b[STRETCH + k] * b[MOBILITY1 + k]
             w1, w2, w3 = b[W1 + k] - b[OLD1 + k], b[W2 + k] - b[OLD2 + k], b[W3 + k] - b[OLD3 + k]
             b[SPIN1 + k] = b[Q11 + k] * w1 + b[Q21 + k] * w2 + b[Q31 + k] * w3
             b[SPIN2 + k] = b[Q12 + k] * w1 + b[Q22 + k] * w2 + b[Q32 + k] * w3
             b[SPIN3 + k] = b[Q13 + k] * w1 + b[Q23 + k] * w2 + b[Q33 + k] * w3
+
+    @kernel(inline="always")
+    def closing(b: Floats, k: np.uint64) -> float:
+        # Rate of an element's length.
+        q = k + ONE
+        return b[T1 + k] * (b[V1 + q] - b[V1 + k]) + b[T2 + k] * (b[V2 + q] - b[V2 + k]) + b[T3 + k] * (b[V3 + q] - b[V3 + k])
+
+    @kernel
+    def brake(b: Floats, n: np.uint64) -> None:
+        changes(b, n)
+        for k in range(ONE, n + ONE):
+            b[YIELD + k] = b[STRETCH + k] * b[MOBILITY1 + k]
         for k in range(ONE, n + ONE):
             p, q = k - ONE, k + ONE
             length = b[LENGTH + k]
             b[DIAGONAL + k] = length / (MAJORANT * b[STIFF + k]) + b[NODE_MOBILITY + k] + b[NODE_MOBILITY + q]
             b[COUPLING + k] = -b[NODE_MOBILITY + q] * (b[T1 + k] * b[T1 + q] + b[T2 + k] * b[T2 + q] + b[T3 + k] * b[T3 + q])
-            along = (
-                b[T1 + k] * (b[V1 + q] - b[V1 + k]) + b[T2 + k] * (b[V2 + q] - b[V2 + k]) + b[T3 + k] * (b[V3 + q] - b[V3 + k])
-            )  # fmt: skip
-            b[IMPULSE + k] = along - b[RATE + k] * length
+            b[IMPULSE + k] = closing(b, k) - b[RATE + k] * length
             joint = b[JOINT_LENGTH + k]
             turn = 0.5 * MAJORANT * (length * b[STIFF_TURN + k] + b[LENGTH + p] * b[STIFF_TURN + p])
             b[DIAGONAL_TURN + k] = joint * joint / turn + b[YIELD + k] + b[YIELD + p]
@@ -317,20 +331,9 @@ def section_kernels(stride: int, layout: MuscleLayout) -> tuple[Callable[..., An
             b[IMPULSE3 + k] = b[SPIN3 + k] - b[SPIN3 + p]
 
     @kernel
-    def relax(b: Floats, n: np.uint64) -> None:
-        # Symmetric tridiagonal systems; the off-diagonals to the next unknown are COUPLING, and -YIELD of the element between two joints.
-        scale, turn_scale, f, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for k in range(ONE, n + ONE):
-            p = k - ONE
-            coupling, turn = b[COUPLING + p], -b[YIELD + p]
-            scale = 1 / (b[DIAGONAL + k] - coupling * coupling * scale)
-            turn_scale = 1 / (b[DIAGONAL_TURN + k] - turn * turn * turn_scale)
-            f = scale * (b[IMPULSE + k] - coupling * f)
-            f1 = turn_scale * (b[IMPULSE1 + k] - turn * f1)
-            f2 = turn_scale * (b[IMPULSE2 + k] - turn * f2)
-            f3 = turn_scale * (b[IMPULSE3 + k] - turn * f3)
-            b[DIAGONAL + k], b[DIAGONAL_TURN + k] = scale, turn_scale
-            b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
+    def correct(b: Floats, n: np.uint64) -> None:
+        # Back through the two systems, and to the velocities.
+        f, f1, f2, f3 = b[IMPULSE + n], b[IMPULSE1 + n], b[IMPULSE2 + n], b[IMPULSE3 + n]
         j = n - ONE
         while j >= ONE:
             turn = b[DIAGONAL_TURN + j] * b[YIELD + j]
@@ -353,4 +356,41 @@ def section_kernels(stride: int, layout: MuscleLayout) -> tuple[Callable[..., An
             b[W2 + k] += b[Q21 + k] * s1 + b[Q22 + k] * s2 + b[Q23 + k] * s3
             b[W3 + k] += b[Q31 + k] * s1 + b[Q32 + k] * s2 + b[Q33 + k] * s3
 
-    return measure, straight, wound, apply, remember, brake, relax
+    @kernel
+    def relax(b: Floats, n: np.uint64) -> None:
+        # Symmetric tridiagonal systems; the off-diagonals to the next unknown are COUPLING, and -YIELD of the element between two joints.
+        scale, turn_scale, f, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(ONE, n + ONE):
+            p = k - ONE
+            coupling, turn = b[COUPLING + p], -b[YIELD + p]
+            scale = 1 / (b[DIAGONAL + k] - coupling * coupling * scale)
+            turn_scale = 1 / (b[DIAGONAL_TURN + k] - turn * turn * turn_scale)
+            f = scale * (b[IMPULSE + k] - coupling * f)
+            f1 = turn_scale * (b[IMPULSE1 + k] - turn * f1)
+            f2 = turn_scale * (b[IMPULSE2 + k] - turn * f2)
+            f3 = turn_scale * (b[IMPULSE3 + k] - turn * f3)
+            b[DIAGONAL + k], b[DIAGONAL_TURN + k] = scale, turn_scale
+            b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
+        correct(b, n)
+
+    @kernel
+    def left(b: Floats, n: np.uint64) -> None:
+        remember(b, n)
+        for k in range(ONE, n + ONE):
+            b[IMPULSE + k] = closing(b, k)
+
+    @kernel
+    def answer(b: Floats, n: np.uint64) -> None:
+        # `relax` has left the scales of its elimination where the diagonals were.
+        changes(b, n)
+        f, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0
+        for k in range(ONE, n + ONE):
+            p, scale, turn_scale = k - ONE, b[DIAGONAL + k], b[DIAGONAL_TURN + k]
+            f = scale * (closing(b, k) - b[IMPULSE + k] - b[COUPLING + p] * f)
+            f1 = turn_scale * (b[SPIN1 + k] - b[SPIN1 + p] + b[YIELD + p] * f1)
+            f2 = turn_scale * (b[SPIN2 + k] - b[SPIN2 + p] + b[YIELD + p] * f2)
+            f3 = turn_scale * (b[SPIN3 + k] - b[SPIN3 + p] + b[YIELD + p] * f3)
+            b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
+        correct(b, n)
+
+    return measure, straight, wound, apply, remember, brake, relax, left, answer

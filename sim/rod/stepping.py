@@ -70,7 +70,7 @@ def muscular_stepper(
         `world` an `octoctrl.sim.contact.world.World` and `folds` an `octoctrl.sim.contact.folds.Folds`, or empty tuples.
     """
     drift, strain, curvature, curvature_rate, moment, transport, kick, water = rod_kernels(stride)
-    measure, straight, wound, apply, remember, brake, relax = section_kernels(stride, layout)
+    measure, straight, wound, apply, remember, brake, relax, left, answer = section_kernels(stride, layout)
     longitudinal, oblique, transverse = fibre_kernels(stride)
     guard, straighten, record = guard_kernel(stride), frame_kernel(stride), record_kernel(stride)
     load = load_kernel(stride)
@@ -140,17 +140,18 @@ def muscular_stepper(
                     water(b, n)
                 remember(b, n)
                 kick(b, n)
-                if touching:
-                    if moves:
-                        kick_bodies(world.bodies, h)
-                    if close:
-                        touch(b, world, h)
-                    if meeting:
-                        meet(world, h)
-                if folding:
-                    part(b, folds, h)
                 brake(b, n)
                 relax(b, n)
+                if touching and moves:
+                    kick_bodies(world.bodies, h)
+                if (touching and close) or folding:
+                    left(b, n)
+                    pushed = touch(b, world, h) if touching and close else False
+                    pushed = (part(b, folds, h) if folding else False) or pushed
+                    if pushed:
+                        answer(b, n)
+                if touching and meeting:
+                    meet(world, h)
                 if touching:
                     if close:
                         follow(b, world, h)
