@@ -192,6 +192,7 @@ MISTAKES = {
     BASE + "[set]\n'gains.LM9' = 1": "unknown key 'gains.LM9'",
     BASE + "[set]\n'colour' = 1": "unknown key 'colour' (keys begin with task, arm, scene, plan, run, gains, sensors)",
     BASE + "[set]\n'arm.length' = 0.2\n[grid]\n'arm.length' = [0.2]": "'arm.length' is changed twice; give it in one of",
+    'task = "grasp"\n[grid]\n"scene.objects.post.name" = ["post", "pole"]': "about object 'post', which the scene does not have (pole)",
     BASE + "runs = 0": "runs",
     BASE + "[set]\n'arm.length' = 1979-05-27": "'arm.length' is date 1979-05-27; give a number, a text, true or false, or a list of these",
     "a = [": "not valid TOML",

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from octoctrl.planners.solving.grasping import check_objects
 from octoctrl.sim.archives import check_source
 from octoctrl.sim.body.arm import MUSCLE_GROUPS
 from octoctrl.sim.errors import OctoctrlError, brief, check_count, suggest
@@ -191,7 +192,8 @@ def _check(path: Path, sweep: Sweep) -> None:
                 )
             if sweep.plan and _family(key) in ("task", "plan"):
                 raise OctoctrlError(f"{path}: '{key}' cannot be changed, for the plan is made; give task = ... to plan each run")
-        configuration_of(sweep.configuration, changes, str(path))
+        configuration = configuration_of(sweep.configuration, changes, str(path))
+        check_objects(configuration.task, configuration.scene)
         Sensors(**_known(path, "sensors", part(changes, "sensors"), [item.name for item in fields(Sensors)]))
         _known(path, "gains", part(changes, "gains"), MUSCLE_GROUPS)
 
