@@ -519,6 +519,23 @@ def test_guard_names_rod_and_element():
     assert caught.value.recording.complete is False and np.isfinite(plant.observe().points).all()
 
 
+def test_an_arm_that_is_faster_than_any_muscle_could_throw_it_is_stopped():
+    """Alike everywhere, so that nothing else is wrong with it."""
+    for speed in (8.0, 12.0):
+        plant = make_plant("assembly-coarse", sample_interval=1e-4)
+        for view, nodes in (
+            (plant.core.rods.straight, {"nodes": True}),
+            (plant.core.rods.oblique, {"nodes": True}),
+            (plant.core.rods.ring, {}),
+        ):
+            view(R.V1, **nodes)[...] = speed
+        if speed < 10.0:
+            assert plant.advance(Activation(), 1e-4).complete
+        else:
+            with pytest.raises(PlantUnstableError, match="moves faster than 10 m/s"):
+                plant.advance(Activation(), 1e-4)
+
+
 def test_places_have_names():
     plant = make_plant("assembly")
     lanes = plant.core.grid.lanes
