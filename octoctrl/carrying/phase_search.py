@@ -22,16 +22,16 @@ POPULATION, ROUNDS, STARTS, FIRST_ROUNDS = 14, 12, 2, 4
 """Trials of a round, rounds of a phase at most; how often it begins anew, and after how many rounds of each of these the best goes on
 alone. A search that has lost its way does not find it again; another one may."""
 
-SURVEYS, SURVEYED, SURVEY_ROUNDS, KEPT, NEAR_ENOUGH = 2, 40, 4, 8, 0.6
-"""Surveys of a phase at most, the second where the first leads nowhere; how many programmes a round of one tries, rounds, how many of the
-best it goes on from, and price at which it ends."""
+SURVEYS, SURVEYED, SURVEY_ROUNDS, KEPT, NEAR_ENOUGH, PROMISING = 2, 40, 3, 8, 0.6, 0.75
+"""Surveys of a phase at most; how many programmes a round of one tries, rounds, how many of the best it goes on from, price at which it
+ends, and price up to which it promises that other scenarios can be met: else another survey takes the place of one start."""
 
 FAR, NARROW = 1.0, 0.5
 """How far apart the searches that follow a survey begin, in its spreads, and how far they look at first, over the usual."""
 
-SETTLING, FAIR = 2, 0.65
-"""Rounds of trials that are not rough at most, where nothing that rough ones found is good enough, and price below which that costs more
-time than it is worth: such grasps were held on the full arm, though a scenario may lose them."""
+SETTLING, ALONE, FAIR = 1, 8, 0.65
+"""Where nothing that rough trials found is good enough: rounds of others if something costs no more than what is fair as planned, and if
+nothing does rounds of rough trials as planned alone: such grasps were held on the full arm, though other scenarios lose them."""
 
 CANDIDATES, APART = 3, 0.6
 """Candidates that are checked on the plant, and how far apart they lie, in first spreads."""
@@ -86,7 +86,7 @@ def search_phase(stage: Stage, work: Work, index: int, region: Mapping[str, tupl
     index : int
         Number of the phase, by which its draws differ from those of others.
     region : mapping of str to (float, float)
-        Ranges of the unknowns in which to look round where the stage's own numbers come near nothing; empty where there is none.
+        Ranges of the unknowns in which to look round before, the stage's own numbers among them; empty where there is none.
 
     Returns
     -------
@@ -103,18 +103,22 @@ def search_phase(stage: Stage, work: Work, index: int, region: Mapping[str, tupl
     judged = work.executor.submit(stage, own).result()
     if judged.met or judged.price <= stage.enough:
         return [Candidate(own, judged)], [f"phase '{name}': the task's own numbers, price {judged.price:.3f}, were good enough"], 1
-    seen, found, settled = _begun(tried, work, seed, region if judged.price > stage.hopeless else {})
-    best = _apart(found) or [Candidate(own, judged)]
+    alone: list[Searched] = []
+    seen, found, settled = _begun(tried, work, seed, region)
+    best = _apart([*found, *seen]) or [Candidate(own, judged)]
     if best[0].price > stage.hopeless:  # nothing came near, and more of the same will not
         best = best[:1]
     elif tried.rough:
         _settle(stage, work, seed + STARTS, found, settled)
-        best = _apart(settled) or best
+        alone = _alone(stage, work, seed + STARTS, (*seen, *found), settled)
+        only = _apart(alone[-1:])[: 1 if settled else CANDIDATES]
+        best = [*_apart(settled)[: CANDIDATES - len(only)], *only] or best
     elif found:
         _gone_on(stage, work, seed + STARTS, found)
         best = _apart(found)
     said = [f"phase '{name}', survey with {item}" for item in seen] + [f"phase '{name}', {item}" for item in (*found, *settled)]
-    count = 1 + sum(len(item.candidates) for item in (*seen, *found, *settled))
+    said += [f"phase '{name}', as planned alone, {item}" for item in alone]
+    count = 1 + sum(len(item.candidates) for item in (*seen, *found, *settled, *alone))
     return best, said or [f"phase '{name}' was not searched"], count
 
 
@@ -123,27 +127,27 @@ def _begun(
 ) -> tuple[list[Searched], list[Searched], list[Searched]]:
     """Surveys, some rounds from each start, and what of them was judged anew, until something is good enough.
 
-    It starts from the task's own numbers or, where there is a `region` to look round, from the best of a survey; if that leads nowhere,
-    from the best of another one.
+    It starts from the task's own numbers or, where there is a `region` to look round, from the best two of a survey; where that promises
+    little, from the best of two.
     """
     seen, found, settled, unknowns = list[Searched](), list[Searched](), list[Searched](), stage.unknowns
     starts = [unknowns] * STARTS
-    for look in range(SURVEYS if region else 1):
-        first = seed + look * (STARTS + 2)
-        if region:
-            seen.append(_surveyed(stage, work, region, first + STARTS + 1))
-            near = seen[-1].candidates and seen[-1].best.price <= stage.hopeless
-            best = seen[-1].apart(STARTS if near else 1, FAR)
-            starts = [replace(unknowns, mean=item.x, spread=NARROW * unknowns.spread) for item in best]
-        for number, start in enumerate(starts):
-            if work.over() or _good(settled if stage.rough else found):
-                break
-            found.append(_rounds(stage, work, start, min(FIRST_ROUNDS, work.rounds), first + number))
-            if stage.rough and _good(found[-1:]):
-                settled.append(_judged_anew(replace(stage, rough=False), work, first + STARTS, found[-1:]))
-        if work.over() or any(result.candidates and result.best.price <= stage.hopeless for result in found):
+    while region and len(seen) < SURVEYS and not work.over() and not _promising(seen):
+        seen.append(_surveyed(stage, work, region, seed + STARTS + 1 + len(seen)))
+        best = sorted((item for result in seen for item in result.apart(STARTS, FAR)), key=lambda item: item.rank)
+        starts = [replace(unknowns, mean=item.x, spread=NARROW * unknowns.spread) for item in best[: 1 + STARTS - len(seen)]]
+    for number, start in enumerate(starts):
+        if work.over() or _good(settled if stage.rough else found):
             break
+        found.append(_rounds(stage, work, start, min(FIRST_ROUNDS, work.rounds), seed + number))
+        if stage.rough and _good(found[-1:]):
+            settled.append(_judged_anew(replace(stage, rough=False), work, seed + STARTS, found[-1:]))
     return seen, [result for result in found if result.candidates], [result for result in settled if result.candidates]
+
+
+def _promising(seen: Sequence[Searched]) -> bool:
+    """Whether something meets the goals nearly, as planned."""
+    return any(result.candidates and result.best.price <= PROMISING for result in seen)
 
 
 def _gone_on(stage: Stage, work: Work, seed: int, found: Sequence[Searched]) -> None:
@@ -164,13 +168,29 @@ def _judged_anew(stage: Stage, work: Work, seed: int, found: Sequence[Searched])
 
 
 def _settle(stage: Stage, work: Work, seed: int, found: Sequence[Searched], settled: list[Searched]) -> None:
-    """Judge anew what was `found` and not good enough for that, and go on from the best of all, if nothing that is `settled` is fair."""
+    """Judge anew what was `found` and not good enough for that, and go on from the best that is `settled`, if it holds as planned alone."""
     left = [result for result in found if not _good([result])]
     if left and not _good(settled) and not work.over():
         settled.append(_judged_anew(stage, work, seed, left))
-    fair = _good(settled) or any(item.best.price <= FAIR for item in settled if item.candidates)
-    if settled and settled[-1].candidates and not fair and not work.over():
+    known = [item for result in settled for item in result.candidates]
+    if any(_as_planned(item) <= FAIR for item in known) and not _good(settled) and not work.over():
         _rounds(stage, work, stage.unknowns, min(SETTLING, work.rounds), seed, after=_best(settled))
+
+
+def _alone(stage: Stage, work: Work, seed: int, found: Sequence[Searched], settled: Sequence[Searched]) -> list[Searched]:
+    """Where nothing `settled` is fair as planned: rounds for that scenario alone, from what was `found` for it, and a last one."""
+    known = [item for result in settled for item in result.candidates]
+    if _good(settled) or any(_as_planned(item) <= FAIR for item in known) or work.over():
+        return []
+    best = min((item for result in found for item in result.candidates), key=_as_planned)
+    start = replace(stage.unknowns, mean=best.x, spread=NARROW * stage.unknowns.spread)
+    rough = _rounds(replace(stage.as_planned(), rough=True), work, start, min(ALONE, work.rounds), seed + 1)
+    return [rough, _judged_anew(stage.as_planned(), work, seed + 2, [rough])] if rough.candidates else []
+
+
+def _as_planned(item: Candidate) -> float:
+    """Price of a candidate in the first scenario."""
+    return float(item.judgement.notes[0])
 
 
 def _good(found: Sequence[Searched]) -> bool:
@@ -189,15 +209,15 @@ def _apart(found: Sequence[Searched]) -> list[Candidate]:
 
 
 def _surveyed(stage: Stage, work: Work, region: Mapping[str, tuple[float, float]], seed: int) -> Searched:
-    """What is found in a region, as planned alone: programmes that are drawn evenly from it, then others near the best of them."""
+    """What is found in a region, as planned alone: own numbers and programmes drawn evenly from it, then others near the best of them."""
     low, high = np.array([region[name] for name in stage.unknowns.names]).T
-    first = np.random.default_rng(work.seed + seed).uniform(low, high, size=(SURVEYED, len(low)))
-    unknowns = replace(stage.unknowns, mean=first[0], spread=(high - low) / 3)
+    first = np.random.default_rng(work.seed + seed).uniform(low, high, size=(SURVEYED - 1, len(low)))
+    unknowns = replace(stage.unknowns, spread=(high - low) / 3)
     work.progress.start(f"looking round for phase '{stage.name}'", float(SURVEYED * SURVEY_ROUNDS))
     try:
         found = search(
             stage.as_planned(), unknowns, work.executor, seed=work.seed + seed, population=SURVEYED, rounds=SURVEY_ROUNDS, elite=KEPT,
-            enough=NEAR_ENOUGH, first=list(first[1:]), stop=work.over, progress=work.progress,
+            enough=NEAR_ENOUGH, first=list(first), stop=work.over, progress=work.progress,
         )  # fmt: skip
     finally:
         work.progress.stop()

@@ -184,14 +184,15 @@ class _Way:
 
 
 def _safest_first(programmes: Sequence[Programme], executor: Executor) -> list[Programme]:
-    """Those of some `programmes` that fewer scenarios lose before others, for what a scenario loses the plant may lose as well.
+    """Those of some `programmes` that hold as planned, and that fewer scenarios lose, before others: what these lose the plant may lose.
 
     They come by their price; beyond the first that no scenario loses nobody looks.
     """
-    lost: list[int] = []
+    lost: list[tuple[bool, int]] = []
     for programme in programmes:
-        lost.append(sum(share > 1 for share in programme.scenarios(executor)))
-        if not lost[-1]:
+        shares = programme.scenarios(executor)
+        lost.append((shares[0] > 1, sum(share > 1 for share in shares)))
+        if not lost[-1][1]:
             break
     seen = sorted(range(len(lost)), key=lost.__getitem__)
     return [*(programmes[number] for number in seen), *programmes[len(lost) :]]

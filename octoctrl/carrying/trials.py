@@ -155,6 +155,8 @@ class Stage:
         Whether trials are; how they `ended` is told with the usual samples.
     rough : bool
         Whether trials are; they meet a goal only where no tolerance is used up.
+    wary : bool
+        Whether usual trials do so too, as where nothing but the scenario as planned is tried.
     neighbours : tuple of Begun
         What must meet the goals too: numbers that are hardly others, each after those that were hardly others in the phases before.
     record_every : int
@@ -178,6 +180,7 @@ class Stage:
     spread: float = 1.0
     quick: bool = False
     rough: bool = False
+    wary: bool = False
     neighbours: tuple[Begun, ...] = ()
     record_every: int = RECORD
     spent: tuple[Floats, ...] = ()
@@ -289,7 +292,7 @@ class Stage:
                 break
         tried = len(prices)
         price = self.together(prices, max(prices) + 0.2)
-        most = 0.0 if self.rough else 1.0  # what is met by a rough trial with nothing to spare may be missed
+        most = 0.0 if self.rough or self.wary else 1.0  # what is met with nothing to spare may be missed elsewhere
         whole = len(recordings) == len(self.scenarios)
         met = whole and all(max(self.misses(recordings[number]), default=0.0) <= most for number in np.argsort(prices)[::-1])
         met = met and all(np.linalg.norm((x - other) / self.unknowns.spread) > ELSEWHERE for other in self.spent)
@@ -324,9 +327,9 @@ class Stage:
         return list(zip([x, *hardly], [self.begun, *self.neighbours], strict=True))
 
     def as_planned(self) -> "Stage":
-        """The same without other scenarios than the first, and without neighbours."""
+        """The same without other scenarios than the first, and without neighbours; it is wary."""
         begun = replace(self.begun, states=self.begun.states[:1])
-        return replace(self, scenarios=self.scenarios[:1], begun=begun, neighbours=())
+        return replace(self, scenarios=self.scenarios[:1], begun=begun, neighbours=(), wary=True)
 
     def together(self, prices: list[float], other: float) -> float:
         """Half the mean of the `prices` of all scenarios, and half the worst; of those that were not tried it is the `other`."""

@@ -1,9 +1,9 @@
-"""How an arm may take hold of an object: whether it is long enough, and from which twelve numbers a search begins.
+"""How an arm may take hold of an object: whether it is long enough, and from which thirteen numbers a search begins.
 
 The arm curls towards the object from a little before its nearest point on, may twist so that it passes beside it in a helix, and leans with
-a part before the curl: away a little to make room for it, or far to a side, so that it comes to lie across an object that stands along it.
-The first numbers are means of what was found for posts of 10 to 23 mm. All angles are those of the arm at rest, which leaves its base
-along +y.
+a part before the curl: away a little to make room for it, towards it to spend less on the way, or far to a side, so that it comes to lie
+across an object that stands along it. What bends an arm shortens it, by up to a fifth; so transverse muscles lengthen it meanwhile. The
+first numbers are means of what was found for posts of 10 to 23 mm. All angles are those of the arm at rest, which leaves its base along +y.
 """
 
 from dataclasses import replace
@@ -18,21 +18,24 @@ from octoctrl.sim.scene.objects import Capsule, Cylinder, RigidObject, frame_of
 from octoctrl.sim.scene.scene import Scene
 
 from ..asking.goals.covered_winding import CoveredWindingGoal
+from ..asking.primitives import Elongate
 from ..asking.task import Drive, Task
 from ..asking.wrapping import Curl, StoreTwist, Swing
 from .plan import Plan
 
 Floats = NDArray[np.float64]
 
-ENOUGH_TURNS = 1.25
-"""Turns for which the arm beyond an object must suffice, were it straight up to there: with less hardly any was held."""
+ENOUGH_TURNS, ENOUGH_LENGTHENED = 1.25, 0.9
+"""Turns for which the arm beyond an object must suffice, were it straight up to there: with less hardly any was held. The second where the
+planner chooses the drives, for these lengthen the arm besides: so 1.02 turns were enough on the full arm."""
 
 BEFORE = 0.022
 """How far before the nearest point the curl begins, m, on an arm of 0.2 m."""
 
-LEVEL, PROFILE, SPEED, DELAY, LEAN = 0.65, 0.75, 0.045, 0.3, 0.03
-"""Of the curl, and level of the swing, from which a search begins. A front that is slow lays the arm on the object bit by bit, so that it
-matters little when the arm meets it; a level that is high at the begin and falls with the radius bends thick and thin parts as tightly."""
+LEVEL, PROFILE, SPEED, DELAY, LEAN, LENGTHEN = 0.65, 0.75, 0.045, 0.3, 0.03, 0.15
+"""Of the curl, and levels of the swing and of what lengthens the arm, from which a search begins. A front that is slow lays the arm on the
+object bit by bit, so that it matters little when the arm meets it; a level that is high at the begin and falls with the radius bends thick
+and thin parts as tightly."""
 
 ALONG = 0.5
 """Cosine of the angle between an object's axis and the arm from which on the object counts as standing along it."""
@@ -98,8 +101,10 @@ def _closest(item: RigidObject, place: Floats) -> Floats:
 def too_short(task: Task, arm: Arm, scene: Scene) -> str:
     """Why the arm cannot wind round what it is to wind round, or nothing.
 
-    What is left of the arm beyond the first point that can touch the object must go round it `ENOUGH_TURNS` times, its own radius included.
+    What is left of the arm beyond the first point that can touch the object must go round it `ENOUGH_TURNS` times, or
+    `ENOUGH_LENGTHENED`, its own radius included.
     """
+    enough = ENOUGH_TURNS if task.choose is None else ENOUGH_LENGTHENED
     items = {item.name: item for item in scene.objects}
     for phase in task.phases:
         for goal in phase.goals:
@@ -107,10 +112,10 @@ def too_short(task: Task, arm: Arm, scene: Scene) -> str:
                 continue
             item = items[goal.object]
             place, turns = most_turns(arm, item)
-            if turns < ENOUGH_TURNS:
+            if turns < enough:
                 return (
                     f"were it straight up to '{item.name}', which it would meet at {1e3 * place:.0f} mm, the arm would go round it "
-                    f"{turns:.2f} times at most, and {ENOUGH_TURNS} are needed to hold it; give a thinner object, or one nearer to the base"
+                    f"{turns:.2f} times at most, and {enough} are needed to hold it; give a thinner object, or one nearer to the base"
                 )
     return ""
 
@@ -157,6 +162,7 @@ def grasp_drives(task: Task, arm: Arm, scene: Scene) -> Task:
         Drive(name="curl", primitive=curl, begins=first, free=("azimuth", "level", "profile", "start", "speed", "delay"), delay=DELAY),
         Drive(name="twist", primitive=twist, begins=first, free=("turns", "stop")),
         Drive(name="swing", primitive=lean, begins=first, free=("azimuth", "level", "start", "stop")),
+        Drive(name="lengthen", primitive=Elongate(level=LENGTHEN, rise=1.0), begins=first, free=("level",)),
     )
     return replace(task, drives=drives, choose=None)
 
@@ -165,8 +171,8 @@ def grasp_region(task: Task, arm: Arm, scene: Scene) -> dict[str, tuple[float, f
     """Where to look round for grasps before a search: lowest and highest of each free number of `grasp_drives`, by its name.
 
     The curl goes towards the object, from a little before the nearest point to a little beyond it. Beside an object that stands along the
-    arm a part before the curl leans to the side from which the object's axis leans away, so that the arm comes to lie across it, and the
-    twist has the hand of the helix that is left; elsewhere leans go to all sides.
+    arm a part near the base leans towards it and to the side from which the object's axis leans away, so that the arm comes to lie across
+    it, and the twist has the hand of the helix that is left; elsewhere leans go to all sides.
     """
     place, _, azimuth = nearest(arm, grasped(task, scene))
     scale, side = arm.length / 0.2, slant(arm, grasped(task, scene))
@@ -177,8 +183,8 @@ def grasp_region(task: Task, arm: Arm, scene: Scene) -> dict[str, tuple[float, f
 
     region = {
         "curl.azimuth": about(azimuth, -0.9, 0.6 if side else 0.9),
-        "curl.level": (0.5, 0.75),
-        "curl.profile": (0.6, 1.5),
+        "curl.level": (0.4, 0.75),
+        "curl.profile": (0.4, 1.5),
         "curl.start": (
             max(place - 0.035 * scale, 0.0),
             min(max(place + 0.01 * scale, 0.06 * scale) if side else place + 0.04 * scale, 0.8 * arm.length),
@@ -190,15 +196,15 @@ def grasp_region(task: Task, arm: Arm, scene: Scene) -> dict[str, tuple[float, f
     }
     if side:
         lean = {
-            "azimuth": about(azimuth, 0.5, 2.0),
-            "level": (0.1, 0.25),
-            "start": (0.01 * scale, 0.05 * scale),
-            "stop": (0.04 * scale, 0.1 * scale),
+            "azimuth": about(azimuth, 0.0, 2.0),
+            "level": (0.1, 0.3),
+            "start": (0.0, 0.04 * scale),
+            "stop": (0.03 * scale, 0.09 * scale),
         }
     else:
-        stop = max(place + 0.01 * scale, 0.06 * scale)
         lean = {"azimuth": (azimuth - pi, azimuth + pi), "level": (0.0, 0.35)}
-        lean |= {"start": (max(stop - 0.07 * scale, 0.0), max(stop - 0.04 * scale, 0.0)), "stop": (stop - 0.03 * scale, stop)}
+        lean |= {"start": (0.0, 0.03 * scale), "stop": (0.03 * scale, 0.08 * scale)}
+    region["lengthen.level"] = (0.0, 0.3)
     return region | {f"swing.{name}": ends for name, ends in lean.items()}
 
 
