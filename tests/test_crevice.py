@@ -42,8 +42,9 @@ def test_the_crevice_is_a_task_of_this_scene():
 
 
 @pytest.mark.slow
-def test_the_crevice_is_passed_and_the_bar_brought_out_in_all_scenarios():
-    plan = oc.plan(ROOT / "examples" / "crevice.toml", time_limit=60.0)
+@pytest.mark.parametrize("name", ["crevice", "crevice-suckers"])
+def test_the_crevice_is_passed_and_the_bar_brought_out_in_all_scenarios(name):
+    plan = oc.plan(ROOT / "examples" / f"{name}.toml", time_limit=60.0)
     assert plan.status is PlanStatus.HELD, plan.report.reason
     run = oc.execute(plan)
     assert oc.verify(run).passed
