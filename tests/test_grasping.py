@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -563,6 +564,11 @@ def test_candidates_that_fewer_scenarios_lose_are_carried_out_first(hold):
         lost = [sum(share > 1 for share in programme.scenarios(executor)) for programme in programmes]
         found = searching._safest_first(programmes, executor)
     assert lost == [2, 1, 1] and [id(item) for item in found] == [id(programmes[number]) for number in (1, 2, 0)]
+
+
+def test_a_candidate_that_holds_as_planned_is_carried_out_before_one_that_holds_elsewhere():
+    given = [SimpleNamespace(scenarios=lambda executor, shares=shares: shares) for shares in ([2.0, 0.0, 0.0], [0.5, 2.0, 2.0])]
+    assert searching._safest_first(given, None) == given[::-1]
 
 
 def test_a_post_along_the_arm_is_held_by_an_arm_that_leans_across_it():
