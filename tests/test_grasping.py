@@ -1,7 +1,7 @@
 """Plans for what touches: primitives in azimuths and turns, what is read of a hold, scenarios, and a search from task to verdict."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -600,25 +600,30 @@ def test_an_arm_that_lengthens_holds_a_post_for_which_it_is_too_short():
     assert covered["longer"] > 0.9 > 0.8 > covered["as it is"], covered
 
 
+@dataclass
 class Rather:
     """A stage whose price is the distance of two numbers from a place, further off in other scenarios than the first."""
 
-    def __init__(self, other, scenarios=4, rough=False):
-        self.other, self.scenarios, self.rough, self.asked = other, scenarios, rough, []
-        names = ("a", "b")
-        self.unknowns = Unknowns(names=names, mean=np.zeros(2), spread=np.ones(2), low=np.full(2, -9.0), high=np.full(2, 9.0))
-        self.name, self.enough = "grasp", 0.0
+    other: float
+    scenarios: int = 4
+    rough: bool = False
+    name: str = "grasp"
+    enough: float = 0.0
+    unknowns: Unknowns = field(
+        default_factory=lambda: Unknowns(names=("a", "b"), mean=np.zeros(2), spread=np.ones(2), low=np.full(2, -9.0), high=np.full(2, 9.0))
+    )
 
     def __call__(self, x, worth=np.inf):
         price = 0.5 + float(np.linalg.norm(x - 1.0))
         return Judgement(price=price + self.other * (self.scenarios > 1), notes=(price,) * self.scenarios)
 
+    def as_planned(self):
+        return replace(self, scenarios=1)
 
-def alone(other, price, monkeypatch):
+
+def alone(other, price):
     """What is searched as planned alone, of a stage whose other scenarios cost so much more, after something of a `price` was settled."""
-    monkeypatch.setattr(phase_search, "replace", lambda item, **changes: replace(item, **changes) if isinstance(item, Unknowns) else item)
     stage = Rather(other)
-    stage.as_planned = lambda: Rather(other, 1)
     seen = Searched(unknowns=stage.unknowns, seed=0, candidates=[Candidate(np.full(2, 0.5), Judgement(price=1.2, notes=(1.2,)))])
     settled = Searched(unknowns=stage.unknowns, seed=0)
     settled.candidates = [Candidate(np.zeros(2), Judgement(price=other + price, notes=(price,) * 4))]
@@ -627,11 +632,11 @@ def alone(other, price, monkeypatch):
         return phase_search._alone(stage, work, 2, [seen], [settled])
 
 
-def test_where_nothing_is_held_even_as_planned_that_scenario_is_searched_alone(monkeypatch):
-    rough, last = alone(1.0, 0.9, monkeypatch)
+def test_where_nothing_is_held_even_as_planned_that_scenario_is_searched_alone():
+    rough, last = alone(1.0, 0.9)
     assert len(rough.candidates) == phase_search.ALONE * phase_search.POPULATION and np.array_equal(rough.unknowns.mean, [0.5, 0.5])
     assert len(last.candidates) == phase_search.CANDIDATES and last.best.price == pytest.approx(0.5, abs=0.1)
-    assert alone(1.0, 0.6, monkeypatch) == [], "held as planned"
+    assert alone(1.0, 0.6) == [], "held as planned"
 
 
 def test_as_planned_alone_goals_are_met_only_with_something_to_spare(hold):

@@ -134,7 +134,7 @@ def test_muscles_answer_what_contact_adds_to_the_velocities_as_they_answer_a_kic
     held.advance(WRAP, 3.0)
     core = held.core
     n, rows, count = core.elements, core.rows, np.uint64(core.elements)
-    *_, remember, brake, relax, left, answer = section_kernels(stride_for(n), core.arm.layout)
+    *_, remember, brake, relax, keep, answer = section_kernels(stride_for(n), core.arm.layout)
     nodes, inside = slice(1, n + 2), slice(1, n + 1)
 
     def velocities():
@@ -147,7 +147,7 @@ def test_muscles_answer_what_contact_adds_to_the_velocities_as_they_answer_a_kic
     stiff = MAJORANT * rows[Row.STIFF, inside] / length
     relax(core.buffer, count)
     before = velocities()
-    left(core.buffer, count)
+    keep(core.buffer, count)
     draw = np.random.default_rng(5)
     added = draw.normal(scale=0.1, size=(n + 1, 3)), draw.normal(scale=5.0, size=(n, 3))
     added[0][0] = 0.0

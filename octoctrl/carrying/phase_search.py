@@ -172,15 +172,13 @@ def _settle(stage: Stage, work: Work, seed: int, found: Sequence[Searched], sett
     left = [result for result in found if not _good([result])]
     if left and not _good(settled) and not work.over():
         settled.append(_judged_anew(stage, work, seed, left))
-    known = [item for result in settled for item in result.candidates]
-    if any(_as_planned(item) <= FAIR for item in known) and not _good(settled) and not work.over():
+    if _fair(settled) and not _good(settled) and not work.over():
         _rounds(stage, work, stage.unknowns, min(SETTLING, work.rounds), seed, after=_best(settled))
 
 
 def _alone(stage: Stage, work: Work, seed: int, found: Sequence[Searched], settled: Sequence[Searched]) -> list[Searched]:
     """Where nothing `settled` is fair as planned: rounds for that scenario alone, from what was `found` for it, and a last one."""
-    known = [item for result in settled for item in result.candidates]
-    if _good(settled) or any(_as_planned(item) <= FAIR for item in known) or work.over():
+    if _good(settled) or _fair(settled) or work.over():
         return []
     best = min((item for result in found for item in result.candidates), key=_as_planned)
     start = replace(stage.unknowns, mean=best.x, spread=NARROW * stage.unknowns.spread)
@@ -191,6 +189,11 @@ def _alone(stage: Stage, work: Work, seed: int, found: Sequence[Searched], settl
 def _as_planned(item: Candidate) -> float:
     """Price of a candidate in the first scenario."""
     return float(item.judgement.notes[0])
+
+
+def _fair(settled: Sequence[Searched]) -> bool:
+    """Whether something is fair as planned, whatever other scenarios make of it."""
+    return any(_as_planned(item) <= FAIR for result in settled for item in result.candidates)
 
 
 def _good(found: Sequence[Searched]) -> bool:

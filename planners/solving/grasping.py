@@ -18,6 +18,7 @@ from octoctrl.sim.scene.objects import Capsule, Cylinder, RigidObject, frame_of
 from octoctrl.sim.scene.scene import Scene
 
 from ..asking.goals.covered_winding import CoveredWindingGoal
+from ..asking.goals.touching import TouchingGoal
 from ..asking.primitives import Elongate
 from ..asking.task import Drive, Task
 from ..asking.wrapping import Curl, StoreTwist, Swing
@@ -46,7 +47,7 @@ TOUCHES = 2e-3
 
 def objects_held(task: Task) -> set[str]:
     """Names of the objects that the goals of a task ask the arm to handle."""
-    return {str(goal.object) for phase in task.phases for goal in phase.goals if hasattr(goal, "object") and getattr(goal, "handled", True)}
+    return {goal.object for phase in task.phases for goal in phase.goals if isinstance(goal, TouchingGoal) and goal.handled}
 
 
 def held_at_the_end(task: Task) -> set[str]:
@@ -68,7 +69,7 @@ def check_objects(task: Task, scene: Scene) -> None:
         If one is missing.
     """
     known = [item.name for item in scene.objects]
-    for goal in (goal for phase in task.phases for goal in phase.goals if hasattr(goal, "object")):
+    for goal in (goal for phase in task.phases for goal in phase.goals if isinstance(goal, TouchingGoal)):
         for name in (getattr(goal, role) for role in ("object", "other") if hasattr(goal, role)):
             if name not in known:
                 raise OctoctrlError(

@@ -193,12 +193,12 @@ def section_kernels(stride: int, layout: MuscleLayout) -> tuple[Callable[..., An
 
     Returns
     -------
-    measure, straight, wound, apply, remember, brake, relax, left, answer : compiled functions
+    measure, straight, wound, apply, remember, brake, relax, keep, answer : compiled functions
         `measure` gives section strains; `straight` starts the sums with the passive stress of nerve cord and longitudinal fibres, `wound`
         adds that of oblique fibres and rings; `apply` hands tension and moments to the rod; `remember` keeps the old spins, `brake`
-        prepares the two tridiagonal systems, `relax` solves them and corrects the velocities. `left` keeps these velocities, and `answer`
-        corrects in the same way what has been added to them since. `elastic` is the time (s) by which the
-        elastic tangent is multiplied to join the viscosity.
+        prepares the two tridiagonal systems, `relax` solves them and corrects the velocities. `keep` keeps these velocities, and `answer`
+        corrects in the same way what has been added to them since. `elastic` is the time (s) by which the elastic tangent is multiplied to
+        join the viscosity.
     """
     o = offsets(stride)
     T1, T2, T3, N1, N2, N3, V1, V2, V3, W1, W2, W3 = (o[f"{field}{i}"] for field in "TNVW" for i in (1, 2, 3))
@@ -374,7 +374,7 @@ def section_kernels(stride: int, layout: MuscleLayout) -> tuple[Callable[..., An
         correct(b, n)
 
     @kernel
-    def left(b: Floats, n: np.uint64) -> None:
+    def keep(b: Floats, n: np.uint64) -> None:
         remember(b, n)
         for k in range(ONE, n + ONE):
             b[IMPULSE + k] = closing(b, k)
@@ -393,4 +393,4 @@ def section_kernels(stride: int, layout: MuscleLayout) -> tuple[Callable[..., An
             b[IMPULSE + k], b[IMPULSE1 + k], b[IMPULSE2 + k], b[IMPULSE3 + k] = f, f1, f2, f3
         correct(b, n)
 
-    return measure, straight, wound, apply, remember, brake, relax, left, answer
+    return measure, straight, wound, apply, remember, brake, relax, keep, answer

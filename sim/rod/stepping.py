@@ -70,7 +70,7 @@ def muscular_stepper(
         `world` an `octoctrl.sim.contact.world.World` and `folds` an `octoctrl.sim.contact.folds.Folds`, or empty tuples.
     """
     drift, strain, curvature, curvature_rate, moment, transport, kick, water = rod_kernels(stride)
-    measure, straight, wound, apply, remember, brake, relax, left, answer = section_kernels(stride, layout)
+    measure, straight, wound, apply, remember, brake, relax, keep, answer = section_kernels(stride, layout)
     longitudinal, oblique, transverse = fibre_kernels(stride)
     guard, straighten, record = guard_kernel(stride), frame_kernel(stride), record_kernel(stride)
     load = load_kernel(stride)
@@ -109,8 +109,10 @@ def muscular_stepper(
                 moves, close, meeting = world.seen[MOVES], world.seen[CLOSE], world.seen[MEETING]
                 if moves:
                     drift_bodies(world.bodies, 0.5 * h)
+            laps = False
             if folding:
                 watch_folds(b, folds, h * steps)
+                laps = folds.found[0] > 0
             drift(b, n, 0.5 * h)
             before, after = levels[sample], levels[sample + 1]
             changing = True
@@ -144,15 +146,18 @@ def muscular_stepper(
                 relax(b, n)
                 if touching and moves:
                     kick_bodies(world.bodies, h)
-                if (touching and close) or folding:
-                    left(b, n)
-                    pushed = touch(b, world, h) if touching and close else False
-                    pushed = (part(b, folds, h) if folding else False) or pushed
+                if (touching and close) or laps:
+                    keep(b, n)
+                    pushed = False
+                    if touching and close:
+                        pushed = touch(b, world, h)
+                    if folding:
+                        pushed = part(b, folds, h) or pushed
                     if pushed:
                         answer(b, n)
-                if touching and meeting:
-                    meet(world, h)
                 if touching:
+                    if meeting:
+                        meet(world, h)
                     if close:
                         follow(b, world, h)
                     if moves:
