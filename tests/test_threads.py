@@ -109,7 +109,7 @@ def test_a_thread_that_leaves_before_it_begins_keeps_the_other_from_beginning():
 
 def test_what_goes_wrong_in_the_other_thread_comes_to_the_caller():
     class Failing:
-        signatures = gate.signatures
+        signatures, compile = gate.signatures, gate.compile  # when it is the first that compiles it, too
 
         def __call__(self, done, crew):
             if crew.number == 1:
