@@ -154,24 +154,30 @@ def recorded(path):
     return float(store.load(path).recording.time[-1]) if len(parts_in(folder_of(path))) > 1 else 0.0
 
 
+def killed(path, signum, name):
+    """Carry out the endless plan in a process of its own, kill it; its code, what it said, and the seconds that were recorded by then."""
+    command = [*PROGRAM, "run", "endless.npz", "-o", name, "--open-loop", "-q"]
+    with subprocess.Popen(command, cwd=path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 240
+        try:
+            while recorded(path / name) < 2.0:
+                assert process.poll() is None and time.monotonic() < deadline
+                time.sleep(0.1)
+            known = recorded(path / name)
+            os.kill(process.pid, signum)
+            _, err = process.communicate(timeout=60)
+        finally:
+            process.kill()  # or what failed here would be waited for without end
+    return process.returncode, err, known
+
+
 @pytest.mark.parametrize(
     ("signum", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -9)], ids=["SIGINT", "SIGTERM", "SIGKILL"]
 )
 def test_a_killed_run_leaves_a_file_up_to_its_last_chunk(endless, signum, code):
     name = f"killed-{signum.name}.npz"
-    command = [*PROGRAM, "run", "endless.npz", "-o", name, "--open-loop", "-q"]
-    with subprocess.Popen(command, cwd=endless, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 240
-        try:
-            while recorded(endless / name) < 2.0:
-                assert process.poll() is None and time.monotonic() < deadline
-                time.sleep(0.1)
-            known = recorded(endless / name)
-            os.kill(process.pid, signum)
-            _, err = process.communicate(timeout=60)
-        finally:
-            process.kill()  # or what failed here would be waited for without end
-    assert process.returncode == code, err
+    returned, err, known = killed(endless, signum, name)
+    assert returned == code, err
     assert "Traceback" not in err
     execution = store.load(endless / name)
     assert execution.status is ExecutionStatus.INTERRUPTED and not execution.recording.complete
@@ -185,6 +191,7 @@ def test_a_killed_run_leaves_a_file_up_to_its_last_chunk(endless, signum, code):
 
 
 def test_a_run_that_was_cut_is_compared_as_far_as_it_goes(endless):
-    process = octoctrl("compare", "killed-SIGINT.npz", cwd=endless)
+    killed(endless, signal.SIGINT, "cut.npz")
+    process = octoctrl("compare", "cut.npz", cwd=endless)
     assert process.returncode == 2 and "run stopped early: interrupted" in process.stderr and "Traceback" not in process.stderr
-    assert octoctrl("compare", "killed-SIGINT.npz", "--overlap", cwd=endless).returncode == 0
+    assert octoctrl("compare", "cut.npz", "--overlap", cwd=endless).returncode == 0
