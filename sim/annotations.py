@@ -82,18 +82,29 @@ def settle(item: Any) -> None:
         If a field is something else.
     """
     kind: type = type(item)
-    hints = _hints(kind)
-    for field in fields(item):
-        hint, value = hints.get(field.name, Any), getattr(item, field.name)
+    for name, hint in _looked_at(kind):
+        value = getattr(item, name)
         if isinstance(value, list) and _is_tuple(hint):
             value = tuple(value)
-            object.__setattr__(item, field.name, value)
+            object.__setattr__(item, name, value)
         if _is_settled(hint, value):
             continue
         needed = f"{_words(hint)} {'are' if _is_tuple(hint) else 'is'} needed"
         if _is_tuple(hint) and _is_settled(hint, (value,)):
             needed += f", in brackets: ({brief(repr(value))},) for one"
-        raise OctoctrlError(f"{kind.__name__}: {field.name} is {brief(repr(value))}; {needed}")
+        raise OctoctrlError(f"{kind.__name__}: {name} is {brief(repr(value))}; {needed}")
+
+
+@cache
+def _looked_at(kind: type) -> tuple[tuple[str, Any], ...]:
+    """Names and annotations of the fields of a dataclass that may be refused or become tuples; most are numbers, of which nothing is asked."""
+    hints = _hints(kind)
+    pairs = ((field.name, hints.get(field.name, Any)) for field in fields(kind))
+    return tuple((name, hint) for name, hint in pairs if _is_tuple(hint) or not _is_settled(hint, _NOTHING))
+
+
+_NOTHING = object()
+"""Of no kind that is ever asked for."""
 
 
 def _is_tuple(hint: Any) -> bool:
