@@ -97,7 +97,7 @@ def settle(item: Any) -> None:
 
 @cache
 def _looked_at(kind: type) -> tuple[tuple[str, Any], ...]:
-    """Names and annotations of the fields of a dataclass that may be refused or become tuples; most are numbers, of which nothing is asked."""
+    """Names and annotations of the fields of a dataclass that may be refused or become tuples: of most, numbers, nothing is asked."""
     hints = _hints(kind)
     pairs = ((field.name, hints.get(field.name, Any)) for field in fields(kind))
     return tuple((name, hint) for name, hint in pairs if _is_tuple(hint) or not _is_settled(hint, _NOTHING))
