@@ -169,7 +169,12 @@ class Goal(Protocol):
 
 @runtime_checkable
 class Primitive(Protocol):
-    """A named motion with a few numbers, as plant and planner see it: a frozen dataclass with an `onset`, mostly an `offset`."""
+    """A named motion with a few numbers, as plant and planner see it: a frozen dataclass with an `onset`, mostly an `offset`.
+
+    A search by simulating asks for more where there is more: `spreads`, how far it looks at first from each number; `chosen_anew`, the name
+    of the number that depends on the plant; and `carried_out(curve, since)`, the same primitive for the plant whose twist curve is given,
+    idle until a time. Who has none of them is searched and carried out as it is.
+    """
 
     def templates(self) -> tuple[Template, ...]:
         """Activation templates; fields may be CasADi expressions."""

@@ -20,7 +20,7 @@ from octoctrl.pictures.maps import activation_maps, bend_colours
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.asking.primitives import Elongate
-from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve, shared_level
+from octoctrl.planners.asking.wrapping import Curl, StoreTwist, Swing, TwistCurve, carried_out, shared_level
 from octoctrl.planners.contracts import ClockReading
 from octoctrl.planners.following.gripping import Gripping
 from octoctrl.planners.solving.cross_entropy import Candidate, Judgement, Searched, Unknowns
@@ -91,6 +91,15 @@ def test_turns_become_levels_by_the_curve_of_the_plant():
         _ = replace(twist, curve=None).level
     with pytest.raises(OctoctrlError, match="must both rise"):
         TwistCurve(levels=(0.0, 0.2), turns=(0.0, 0.0))
+
+
+def test_each_primitive_says_what_a_plant_and_a_time_make_of_it():
+    own = oc.Bend()
+    assert carried_out(own, CURVE, 1.0) is own, "nothing more is asked of what has the three methods of a primitive"
+    curl, twist = Curl(level=0.2, stop=0.1, apex=0.22), StoreTwist(turns=0.3, stop=0.12)
+    assert carried_out(twist, CURVE, 1.0) == replace(twist, curve=CURVE)
+    assert carried_out(curl, CURVE, 1.0) == replace(curl, since=1.0)
+    assert carried_out(replace(curl, since=1.5), CURVE) == replace(curl, since=1.5), "what was said stays"
 
 
 def test_twist_begins_nearer_to_the_base_on_a_plant_that_stores_less():

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from octoctrl.planners.asking.primitives import Shorten
 from octoctrl.planners.asking.task import Drive, Phase
-from octoctrl.planners.asking.wrapping import StoreTwist, TwistCurve
+from octoctrl.planners.asking.wrapping import TwistCurve
 from octoctrl.planners.contracts import Floats, Primitive
 from octoctrl.planners.solving.scenarios import PLANNED
 from octoctrl.sim.running.recording import Recording
@@ -22,9 +21,6 @@ from octoctrl.sim.running.recording import Recording
 from ..progress import Progress
 from .checking import KEPT, Programme
 from .trials import Begun, Ended, Stage, at_once, from_rest
-
-CHOSEN: Mapping[type, str] = {StoreTwist: "turns", Shorten: "level"}
-"""Which number of a primitive depends on the plant."""
 
 STEP, STEP_FROM_ZERO, FARTHEST_STEP, LINES = 0.1, 1 / 6, 2, 3
 """How far a number is changed at first, as a share of what was searched, or where that is 0 of what it may be at most; how many such steps
@@ -181,9 +177,15 @@ def _ahead(near: _Trial, far: _Trial, index: int, step: float, crossed: bool) ->
     return float(near.x[index] + np.clip(found, -FARTHEST_STEP * step, FARTHEST_STEP * step))
 
 
+def _by_plant(primitive: Primitive) -> str:
+    """Which number of a `primitive` depends on the plant, if one does."""
+    name: str = getattr(primitive, "chosen_anew", "")
+    return name
+
+
 def _chosen(drive: Drive) -> bool:
     """Whether a search chose a number of a `drive` that depends on the plant."""
-    return CHOSEN.get(type(drive.primitive)) in drive.free
+    return _by_plant(drive.primitive) in drive.free
 
 
 def _settled(drive: Drive, numbers: Mapping[str, float]) -> Drive:
@@ -191,14 +193,14 @@ def _settled(drive: Drive, numbers: Mapping[str, float]) -> Drive:
     given = {name: numbers[f"{drive.name}.{name}"] for name in drive.free}
     delay = given.pop("delay", drive.delay)
     primitive: Primitive = replace(drive.primitive, **given)  # type: ignore[type-var]
-    return replace(drive, primitive=primitive, delay=delay, free=(CHOSEN[type(primitive)],) if _chosen(drive) else ())
+    return replace(drive, primitive=primitive, delay=delay, free=(_by_plant(primitive),) if _chosen(drive) else ())
 
 
 def _with(programme: Programme, numbers: Mapping[str, float]) -> Programme:
     """A `programme` with other `numbers` of what depends on the plant."""
 
     def other(drive: Drive, item: Primitive) -> Primitive:
-        name = CHOSEN[type(item)]
+        name = _by_plant(item)
         return replace(item, **{name: numbers[f"{drive.name}.{name}"]})  # type: ignore[type-var]
 
     pairs = zip(programme.task.drives, programme.primitives, strict=True)

@@ -12,7 +12,7 @@ from itertools import accumulate
 import numpy as np
 
 from octoctrl.planners.asking.task import Task
-from octoctrl.planners.asking.wrapping import Swing, TwistCurve, with_curve
+from octoctrl.planners.asking.wrapping import Swing, TwistCurve, carried_out
 from octoctrl.planners.contracts import Floats, Primitive
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.planners.solving.grasping import held_at_the_end
@@ -167,7 +167,7 @@ def _carried_out(programme: Programme, curve: TwistCurve, model: ReducedModel, p
     """What the plant does under a programme, from rest and as planned, its twist by the plant's own `curve`."""
     task, begins = programme.task, begins_of(programme.task)
     duration = sum(phase.duration for phase in task.phases)
-    schedule = schedule_of(tuple(with_curve(item, curve) for item in programme.primitives), duration)
+    schedule = schedule_of(tuple(carried_out(item, curve) for item in programme.primitives), duration)
     moved = plant_for(plant, model.arm, model.scene, KEPT)
     if programme.carried is None:
         moved.reset()

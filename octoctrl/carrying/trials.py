@@ -18,7 +18,7 @@ from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import log_share
 from octoctrl.planners.asking.schedule import Schedule
 from octoctrl.planners.asking.task import DELAY_BOUNDS, Drive, Phase, Task, miss_in_phase
-from octoctrl.planners.asking.wrapping import TwistCurve, acting_since, with_curve
+from octoctrl.planners.asking.wrapping import TwistCurve, carried_out
 from octoctrl.planners.contracts import Floats, Primitive, When
 from octoctrl.planners.solving.cross_entropy import Judgement, Unknowns
 from octoctrl.planners.solving.scenarios import Scenario
@@ -227,7 +227,7 @@ class Stage:
         for (index, name), value in zip(self.names, x, strict=True):
             numbers[index][name] = float(value)
         return tuple(
-            with_curve(acting_since(drive.at(self.begins, given), self.begins[drive.begins]), self.curve)
+            carried_out(drive.at(self.begins, given), self.curve, self.begins[drive.begins])
             for drive, given in zip(self.drives, numbers, strict=True)
         )
 

@@ -6,7 +6,7 @@ their own by writing a frozen dataclass with the methods of `octoctrl.planners.c
 
 from dataclasses import dataclass, fields, replace
 from math import inf
-from typing import Any
+from typing import Any, ClassVar
 
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS
 from octoctrl.sim.errors import check_choice
@@ -106,6 +106,8 @@ class Bend(_Ramped):
 class Shorten(_Ramped):
     """Contract all longitudinal muscles along a window."""
 
+    chosen_anew: ClassVar[str] = "level"
+    """What a search chose of it is chosen anew on the plant that the plan is for: another plant shortens otherwise."""
     level: float = 0.2
 
     @property

@@ -4,6 +4,7 @@ A bend towards an azimuth shares its level among the longitudinal muscles by the
 turns, because levels belong to a plant and turns to a plan: a `TwistCurve`, measured on the plant, makes levels of them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from math import cos, inf, tau
 from typing import Any, ClassVar
@@ -137,6 +138,10 @@ class Curl(_Bending):
         ends = {"start": (0.0, 0.5), "stop": (0.01, 0.5)}
         return {"azimuth": AZIMUTHS, "level": LEVELS, "profile": PROFILES, "speed": SPEEDS, "lasts": (0.1, 2.0), **ends}
 
+    def carried_out(self, curve: "TwistCurve", since: float) -> "Curl":
+        """The same, idle until `since`, s; its level is one for all plants, whatever their `curve`."""
+        return replace(self, since=max(self.since, since))
+
 
 @register_primitive
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,6 +226,8 @@ class StoreTwist:
     """
 
     spreads: ClassVar[dict[str, float]] = {"turns": 0.12}
+    chosen_anew: ClassVar[str] = "turns"
+    """What a search chose of it is chosen anew on the plant that the plan is for: round an object an arm stores other turns."""
     turns: float = 0.0
     start: Length = 0.0
     stop: Length = 0.09
@@ -260,16 +267,16 @@ class StoreTwist:
         """Ranges in which a search may choose."""
         return {"turns": (-0.9, 0.9), "start": (0.0, 0.5), "stop": (0.01, 0.5), "rise": RAMP_BOUNDS}
 
+    def carried_out(self, curve: TwistCurve, since: float) -> "StoreTwist":
+        """The same for the plant of this `curve`; it is idle until its onset, which is not before `since`, s."""
+        return replace(self, curve=curve)
+
     def effort(self, seconds: Expression) -> Expression:
         """Squared level times the `seconds` for which it is on."""
         return self.level**2 * seconds
 
 
-def with_curve(primitive: Any, curve: TwistCurve) -> Any:
-    """A primitive for the plant whose `curve` it is; the same `primitive` if it stores no twist in turns."""
-    return replace(primitive, curve=curve) if isinstance(primitive, StoreTwist) else primitive
-
-
-def acting_since(primitive: Any, time: float) -> Any:
-    """A primitive that does nothing until a `time`, s; the same `primitive` if that is so by its onset."""
-    return replace(primitive, since=time) if isinstance(primitive, Curl) else primitive
+def carried_out(primitive: Any, curve: TwistCurve, since: float = 0.0) -> Any:
+    """A primitive as the plant of this `curve` carries it out, idle until `since`, s; as it is where it has no `carried_out` of its own."""
+    own: Callable[[TwistCurve, float], Any] | None = getattr(primitive, "carried_out", None)
+    return primitive if own is None else own(curve, since)
