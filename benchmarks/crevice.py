@@ -15,7 +15,8 @@ import numpy as np
 import octoctrl as oc
 from octoctrl.carrying.phase_search import Work
 from octoctrl.carrying.searching import SEARCHED_ON, scenarios_of
-from octoctrl.carrying.trials import plant_for, schedule_of, since
+from octoctrl.carrying.trials import plant_for, schedule_of
+from octoctrl.carrying.worth import since
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in
 from octoctrl.planners.solving.grasping import objects_held

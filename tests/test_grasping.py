@@ -14,8 +14,9 @@ from octoctrl.carrying import calibrating, phase_search, searching, tugging
 from octoctrl.carrying.checking import Programme
 from octoctrl.carrying.phase_search import Work
 from octoctrl.carrying.searching import plan_by_search
-from octoctrl.carrying.trials import Begun, from_rest, plant_for, schedule_of, since
+from octoctrl.carrying.trials import Begun, from_rest, plant_for, schedule_of
 from octoctrl.carrying.tugging import tugs
+from octoctrl.carrying.worth import since
 from octoctrl.pictures.maps import activation_maps, bend_colours
 from octoctrl.planners.asking.goals.recorded import RecordedOutputs
 from octoctrl.planners.asking.goals.touching import hold_in

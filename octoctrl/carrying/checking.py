@@ -20,14 +20,14 @@ from octoctrl.planners.solving.plan import GoalReport, Plan, PlanReport, PlanSta
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.running.observation import Observation
 from octoctrl.sim.running.recording import Recording
-from octoctrl.sim.topology.meter import Meter
 from octoctrl.sim.topology.trace import TopologyTrace
 
 from ..progress import Progress
 from .holding import LINK_RESIDUAL, holding_checks
 from .results import Check
-from .trials import Ended, Stage, misses, plant_for, schedule_of, since
+from .trials import Ended, Stage, plant_for, schedule_of
 from .tugging import tugs
+from .worth import misses, since, trace_of
 
 KEPT, EVERY = 2, 5
 """Samples between recorded instants of a check, and instants between those whose strains a plan keeps."""
@@ -183,9 +183,7 @@ def _carried_out(programme: Programme, curve: TwistCurve, model: ReducedModel, p
         goals += [
             GoalReport(phase=phase.name, goal=goal, miss=share * goal.tolerance) for goal, share in zip(phase.goals, shares, strict=True)
         ]
-    meter = Meter(task.convention)
-    meter.extend(recording.time, recording.points, recording.frames)
-    trace = meter.trace
+    trace = trace_of(recording, task)
     checks = [
         *holding_checks(task, model.arm, recording, trace),
         Check(name="link_residual", value=float(np.abs(trace.residual).max()), limit=LINK_RESIDUAL, unit="turns"),

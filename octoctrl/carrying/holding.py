@@ -38,7 +38,7 @@ def holding_checks(task: Task, arm: Arm, recording: Recording, trace: TopologyTr
     """
     from octoctrl.sim.topology.measures import writhe
 
-    from .trials import touches
+    from .worth import touches
 
     outputs = RecordedOutputs(recording, trace, arm)
     late = recording.time >= recording.time[-1] - LATE

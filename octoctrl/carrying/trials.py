@@ -6,7 +6,7 @@ round by chance does not. Plants are kept by the process or the thread that judg
 """
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from math import ceil
@@ -14,24 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from octoctrl.planners.asking.goals.recorded import RecordedOutputs
-from octoctrl.planners.asking.goals.touching import log_share
 from octoctrl.planners.asking.schedule import Schedule
-from octoctrl.planners.asking.task import DELAY_BOUNDS, Drive, Phase, Task, miss_in_phase
+from octoctrl.planners.asking.task import DELAY_BOUNDS, Drive, Phase, Task
 from octoctrl.planners.asking.wrapping import TwistCurve, carried_out
-from octoctrl.planners.contracts import Floats, Primitive, When
+from octoctrl.planners.contracts import Floats, Primitive
 from octoctrl.planners.solving.cross_entropy import Judgement, Unknowns
 from octoctrl.planners.solving.scenarios import Scenario
 from octoctrl.sim.body.arm import Arm
-from octoctrl.sim.contact.surroundings import PREFIX, Touch
 from octoctrl.sim.contracts import State
 from octoctrl.sim.errors import PlantUnstableError
 from octoctrl.sim.plants import Plant, make_plant
 from octoctrl.sim.running.clock import SAFETY
 from octoctrl.sim.running.recording import Recording
 from octoctrl.sim.scene.scene import Scene
-from octoctrl.sim.topology.meter import Meter
-from octoctrl.sim.topology.trace import TopologyTrace
+
+from .worth import enough_of, misses, price_of, since
 
 RECORD = 4
 """Samples between recorded instants of a trial: 20 ms."""
@@ -47,12 +44,6 @@ of 1 ms tells no better."""
 HOPELESS, LOST = 1.4, 9.0
 """Price of a goal beyond which a trial is not tried in further scenarios, and price of a plant that diverged."""
 
-DEEP = 1e-3
-"""Depth of contact from which on it costs, m: real ones are ten times smaller."""
-
-LOOKED_AT = 0.4
-"""Time before the end of a phase that a search looks at at least, s, so that what is still moving shows."""
-
 SPREADS = {"level": 0.15, "start": 0.02, "stop": 0.02, "speed": 0.04, "delay": 0.2, "lasts": 0.1, "rise": 0.3, "fall": 0.3}
 """How far a search looks at first where a primitive has no `spreads` of its own, by the name of the number; of others a quarter of their
 range."""
@@ -65,9 +56,6 @@ HARDLY = 0.02
 
 ELSEWHERE = 0.6
 """How far from numbers that led nowhere others must lie, in first spreads, root of the sum of squares."""
-
-ENOUGH = 0.15
-"""Price of a goal that needs no bettering, unless it says one."""
 
 _LOCAL = threading.local()
 
@@ -214,7 +202,7 @@ class Stage:
     @property
     def enough(self) -> float:
         """Price that needs no bettering; where neighbours are looked at, whether the goals are met decides alone."""
-        return -np.inf if self.neighbours else sum(float(getattr(goal, "enough", ENOUGH)) for phase in self.phases for goal in phase.goals)
+        return -np.inf if self.neighbours else enough_of(self.phases)
 
     @property
     def duration(self) -> float:
@@ -263,16 +251,7 @@ class Stage:
 
     def price(self, recording: Recording) -> float:
         """What the goals of the phases cost on a `recording` of them, and what sinks in too deep."""
-        total = 0.0
-        for phase, part in self.parts(recording):
-            windows: dict[float, RecordedOutputs] = {}
-            for goal in phase.goals:
-                begin = 0.0 if goal.when is When.THROUGHOUT else float(part.time[-1]) - max(goal.hold, LOOKED_AT)
-                if begin not in windows:
-                    windows[begin] = RecordedOutputs(since(part, begin), None, self.arm)
-                total += price_of(goal, windows[begin], self.task)
-        depth = max((float(values.deepest.max()) for values in touches(recording).values()), default=0.0)
-        return total + 1e3 * max(depth - DEEP, 0.0)
+        return price_of(self.parts(recording), self.arm, self.task)
 
     def __call__(self, x: Floats, worth: float = np.inf) -> Judgement:
         """Judge numbers `x` (n,) in all scenarios, as long as there is hope that they cost at most what is `worth` knowing.
@@ -370,45 +349,3 @@ class Stage:
 def from_rest(scenarios: int, settled: tuple[Primitive, ...] = ()) -> Begun:
     """Where so many `scenarios` begin, with primitives that are `settled`."""
     return Begun(settled, (None,) * scenarios)
-
-
-def touches(recording: Recording) -> dict[str, Touch]:
-    """All objects of a `recording`, by name."""
-    names = [name.removeprefix(PREFIX) for name in recording.series if name.startswith(PREFIX)]
-    return {name: Touch.of(recording.series, name) for name in names}
-
-
-def price_of(goal: Any, outputs: RecordedOutputs, task: Task) -> float:
-    """What a `goal` of a `task` costs on the `outputs` of the instants in which it counts.
-
-    Its own price, or the logarithm of its largest miss in tolerances.
-    """
-    own: Callable[[RecordedOutputs], float] | None = getattr(goal, "price", None)
-    if own is not None:
-        return own(outputs)
-    return log_share(goal.miss(outputs.recording, _trace(outputs.recording, task), outputs.arm), goal.tolerance)
-
-
-def misses(phase: Phase, recording: Recording, arm: Arm, task: Task) -> tuple[float, ...]:
-    """By how many tolerances each goal of a `phase` of a `task` is missed on the `recording` of it, with this `arm`."""
-    begin, end = float(recording.time[0]), float(recording.time[-1])
-    trace = _trace(recording, task) if any(not getattr(goal, "simulated", False) for goal in phase.goals) else None
-    found = []
-    for goal in phase.goals:
-        missed = goal.miss(recording, trace, arm)  # type: ignore[arg-type]  # none where nobody reads it
-        found.append(miss_in_phase(goal, recording.time, missed, begin, end) / goal.tolerance)
-    return tuple(found)
-
-
-def since(recording: Recording, time: float) -> Recording:
-    """What of a `recording` is from a `time` on, s."""
-    keep = recording.time >= time - 1e-9
-    names = ("time", "points", "frames", "stretch", "levels")
-    series = {name: values[keep] for name, values in recording.series.items()}
-    return replace(recording, **{name: getattr(recording, name)[keep] for name in names}, series=series)
-
-
-def _trace(recording: Recording, task: Task) -> TopologyTrace:
-    meter = Meter(task.convention)
-    meter.extend(recording.time, recording.points, recording.frames)
-    return meter.trace
