@@ -18,7 +18,7 @@ from octoctrl.sim.contact.world import Points, World
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Plane, Sphere, frame_of
 from octoctrl.sim.scene.scene import Scene
-from octoctrl.sim.scene.supports import Free, Moved, Push
+from octoctrl.sim.scene.supports import Free, Moved, Push, Springs
 
 LOOSE = Free(damping=(0.0, 0.0))
 NOTHING = Points(element=np.empty(0, dtype=np.uint64), share=np.empty(0), radius=np.empty(0), length=np.empty(0))
@@ -162,6 +162,20 @@ def test_a_push_acts_from_its_begin_to_its_end():
     made.reset()
     pieces = [made.advance(oc.Activation(), 0.25).series["touch ball"][-1] for _ in range(2)]
     np.testing.assert_array_equal(pieces[1], run.series["touch ball"][-1])
+
+
+@pytest.mark.parametrize("model", ["rod", "assembly-coarse-mixed"])
+def test_springs_swing_an_object_as_they_should_at_the_step_of_a_plant(model):
+    h = oc.make_plant(model).h
+    far = {"position": (0.5, 0.0, 0.0), "water_mass": False, "mass": 0.02}
+    support = Springs(stiffness=0.02 / h**2, turning=0.0, damping=(0, 0))
+    made = oc.make_plant(model, scene=Scene(objects=(Sphere(name="bob", radius=0.01, support=support, **far),)), dt=h, record_every=1)
+    state = made.state()
+    state["bodies"][0, Body.POSITION] += 1e-5
+    made.restore(state)
+    run = made.advance(oc.Activation(), 0.05)
+    swung = Touch.of(run.series, "bob").position[:, 0] - 0.5
+    np.testing.assert_allclose(swung, 1e-5 * np.cos(run.time / h), rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize(

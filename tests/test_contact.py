@@ -11,7 +11,7 @@ from octoctrl.sim.compiler import kernel
 from octoctrl.sim.contact.bodies import kinetic_energy, rows_of
 from octoctrl.sim.contact.body_kernels import drift_bodies, kick_bodies, straighten
 from octoctrl.sim.contact.columns import Anchor, Body
-from octoctrl.sim.contact.friction_kernels import follow, touch
+from octoctrl.sim.contact.friction_kernels import follow, push, touch
 from octoctrl.sim.contact.measures import covered_winding, winding
 from octoctrl.sim.contact.shape_kernels import distance
 from octoctrl.sim.errors import OctoctrlError
@@ -269,28 +269,64 @@ def test_free_rotation_is_second_order():
     np.testing.assert_allclose(orders, 2.0, atol=0.1)
 
 
-def test_springs_pull_an_object_home_with_their_own_frequency():
-    item = Sphere(name="ball", radius=0.01, mass=5e-3, support=Springs(stiffness=2.0, turning=0.0, damping=(0, 0)), water_mass=False)
-    rows, h = rows_of([item]), 1e-5
+def swung(support, *, h=5e-4, duration=2.0, force=0.0):
+    """A ball of 20 g over time, begun a millimetre off, at the usual step: the order of a plant's, with a `force` from what touches it."""
+    rows = rows_of([Sphere(name="ball", radius=0.01, mass=0.02, support=support, water_mass=False)], step=h)
     rows[0, Body.POSITION] += 1e-3
-    period = 2 * pi * np.sqrt(5e-3 / 2.0)
-    for _ in range(round(period / 4 / h)):
-        drift_bodies(rows, h / 2)
+    places, speeds = [], []
+    drift_bodies(rows, 0.5 * h)
+    for _ in range(round(duration / h)):
         kick_bodies(rows, h)
-        drift_bodies(rows, h / 2)
-    assert abs(rows[0, Body.POSITION]) < 2e-6
-    assert rows[0, Body.VELOCITY] == pytest.approx(-1e-3 * np.sqrt(2.0 / 5e-3), rel=2e-3)
+        push(rows[0], h * force, 0.0, 0.0, 0.0, 0.0, 0.0)
+        drift_bodies(rows, 0.5 * h)
+        places.append(rows[0, Body.POSITION])
+        speeds.append(rows[0, Body.VELOCITY])
+        drift_bodies(rows, 0.5 * h)
+    return h * (1 + np.arange(len(places))), np.array(places), np.array(speeds)
+
+
+@pytest.mark.parametrize("stiffness", [2.0, 100.0, 1e4])
+@pytest.mark.parametrize("rate", [0.0, 5.0, 50.0])
+def test_an_object_on_springs_swings_as_its_closed_form_at_the_usual_step(stiffness, rate):
+    time, places, _ = swung(Springs(stiffness=stiffness, turning=0.0, damping=(rate, 0)))
+    natural = complex(stiffness / 0.02 - rate**2 / 4) ** 0.5
+    exact = 1e-3 * np.exp(-rate * time / 2) * (np.cos(natural * time) + rate / 2 / natural * np.sin(natural * time)).real
+    np.testing.assert_allclose(places, exact, rtol=0, atol=3e-6)
+    assert abs(exact).max() > 0.9e-3
+
+
+@pytest.mark.parametrize("stiffness", [100.0, 1e5, 1e9, 1e15])
+def test_an_object_on_springs_of_any_stiffness_comes_to_rest_where_forces_balance(stiffness):
+    _, places, speeds = swung(Springs(stiffness=stiffness, turning=0.0), force=0.3)
+    assert places[-1] * stiffness == pytest.approx(0.3, rel=1e-6, abs=1e-14 * stiffness)
+    assert abs(speeds[-1]) < 1e-9
+
+
+def test_an_axis_swings_about_where_springs_turn_it_to():
+    support = Springs(stiffness=1.0, turning=0.16, damping=(0, 0))
+    item = Capsule(name="post", radius=8e-3, length=0.08, axis=(1, 0, 0), mass=0.02, support=support, water_mass=False)
+    (row,) = rows = rows_of([item], step=5e-4)
+    natural = np.sqrt(0.16 / (0.02 * item.gyration[0]))
+    row[Body.MOMENTUM + 2] = 1e-3 * natural / row[Body.INVERSE_INERTIA]
+    drift_bodies(rows, 2.5e-4)
+    for number in range(1, 4001):
+        kick_bodies(rows, 5e-4)
+        drift_bodies(rows, 5e-4)
+        exact = 1e-3 * np.sin(natural * 5e-4 * (number + 0.5))
+        assert row[Body.FRAME + 7] == pytest.approx(exact, abs=1e-5)
 
 
 def test_damping_is_exact_at_any_step():
     item = Sphere(name="ball", radius=0.01, mass=5e-3, support=Free(damping=(50.0, 5.0)), water_mass=False)
     for h in (1e-2, 1e-3):
         rows = rows_of([item])
-        rows[0, Body.VELOCITY], rows[0, Body.MOMENTUM] = 1.0, 1.0
+        rows[0, Body.VELOCITY], rows[0, Body.MOMENTUM] = 1.0, 1e-7
         for _ in range(round(0.1 / h)):
             kick_bodies(rows, h)
+            drift_bodies(rows, h)
         assert rows[0, Body.VELOCITY] == pytest.approx(np.exp(-5.0), rel=1e-12)
-        assert rows[0, Body.MOMENTUM] == pytest.approx(np.exp(-0.5), rel=1e-12)
+        assert rows[0, Body.POSITION] == pytest.approx((1 - np.exp(-5.0)) / 50, rel=1e-12)
+        assert rows[0, Body.MOMENTUM] == pytest.approx(1e-7 * np.exp(-0.5), rel=1e-12)
 
 
 # Inertia of the solids, by integration over points

@@ -219,6 +219,8 @@ class AssemblyCore:
         self._h = clock.step
         fill_parameters(self.rods, self.arm, self.geometry, clock.step, self.scene.water, published=self.paper_compatible)
         self._memory.renew()
+        if self._around is not None:
+            self._around.start(clock.step)
 
     def rest(self) -> None:
         """Put the arm to rest, straight along +y."""

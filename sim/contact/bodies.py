@@ -1,6 +1,7 @@
 """From objects of a scene to the rows that the kernels work on, and what is recorded of them."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from .columns import Body, Note
 Floats = NDArray[np.float64]
 
 
-def rows_of(objects: Sequence[RigidObject], *, water_density: float = 0.0) -> Floats:
+def rows_of(objects: Sequence[RigidObject], *, water_density: float = 0.0, step: float = 0.0) -> Floats:
     """Rows of all objects at the begin.
 
     Parameters
@@ -22,6 +23,8 @@ def rows_of(objects: Sequence[RigidObject], *, water_density: float = 0.0) -> Fl
     objects : sequence of RigidObject
     water_density : float, kg/m^3
         Of the water that moving objects drag along; 0 in a vacuum.
+    step : float, s
+        See `release`.
 
     Returns
     -------
@@ -51,7 +54,7 @@ def rows_of(objects: Sequence[RigidObject], *, water_density: float = 0.0) -> Fl
         if isinstance(support, Free | Springs):
             row[Body.DAMPING : Body.DAMPING + 2] = support.damping
             if not (isinstance(support, Free) and support.since > 0):
-                release(row, item, water_density)
+                release(row, item, water_density, step)
     return rows
 
 
@@ -64,7 +67,7 @@ def still_row(item: RigidObject) -> Floats:
     return np.asarray(row)
 
 
-def release(row: Floats, item: RigidObject, water_density: float = 0.0) -> None:
+def release(row: Floats, item: RigidObject, water_density: float = 0.0, step: float = 0.0) -> None:
     """Give a body its mass: from now on it moves as it is pushed.
 
     Parameters
@@ -72,13 +75,32 @@ def release(row: Floats, item: RigidObject, water_density: float = 0.0) -> None:
     row : (Body.WIDTH,) float64
     item : RigidObject
     water_density : float, kg/m^3
+    step : float, s
+        For which springs make it heavier, see `swung`.
     """
     assert item.weight is not None
     # Water that moves along adds to the mass; about its own axis a smooth body turns without it.
     water = water_density * item.volume if item.water_mass else 0.0
-    row[Body.INVERSE_MASS] = 1 / (item.weight + water)
-    across = item.weight + water
-    row[Body.INVERSE_INERTIA : Body.INVERSE_INERTIA + 3] = 1 / (np.array(item.gyration) * [across, across, item.weight])
+    across, (held, turned) = item.weight + water, row[Body.SPRING : Body.SPRING + 2]
+    inertia = np.array(item.gyration) * [across, across, item.weight]
+    row[Body.INVERSE_MASS] = 1 / swung(across, held, step)
+    row[Body.INVERSE_INERTIA : Body.INVERSE_INERTIA + 3] = 1 / swung(inertia, turned * np.array([1.0, 1.0, 0.0]), step)
+
+
+def swung(mass: Any, spring: Any, step: float) -> Any:
+    """The mass that a spring swings in steps as it swings `mass` without: at w = sqrt(spring / mass), while step w < 2, and stable beyond.
+
+    By turns, drift and kick swing a mass M at 2 asin(step / 2 sqrt(spring / M)) / step, which is w for M = mass (x / sin x)^2 with
+    x = step w / 2. Contact sees that mass as well, so that the body comes to rest where forces balance.
+
+    Parameters
+    ----------
+    mass, spring : float or array
+        Or moments of inertia and what turns them back.
+    step : float, s
+    """
+    x = 0.5 * step * np.sqrt(spring / mass)
+    return mass / np.sinc(np.minimum(x, 1.0) / np.pi) ** 2 * np.maximum(x, 1.0) ** 2
 
 
 def kinetic_energy(row: Floats) -> float:

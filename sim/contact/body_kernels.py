@@ -1,4 +1,4 @@
-"""Rigid bodies: they drift with the arm, are kicked by their springs and by water, and keep their angular momentum in the laboratory.
+"""Rigid bodies: they drift through the water with the arm, are kicked by their springs, and keep their angular momentum in the laboratory.
 
 Momentum rather than spin is the state, so that a free rotation keeps it exactly; the frame turns by the spin that it has half-way
 (a midpoint rule on the rotation group, second order: Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, VII.5).
@@ -64,26 +64,37 @@ def any_moves(bodies: Floats) -> bool:
 
 @borrowing_kernel
 def drift_bodies(bodies: Floats, h: float) -> None:
-    """Move and turn all bodies for a time h."""
+    """Move and turn all bodies for a time h, while water takes their velocity and angular momentum: exactly, whatever the step."""
     for j in range(bodies.shape[0]):
         if bodies[j, MOVING] == 0.0:
             continue
         body = bodies[j]
+        span = slowed(body[DAMPING], h)
         for i in range(3):
-            body[POSITION + i] += h * body[VELOCITY + i]
+            body[POSITION + i] += span * body[VELOCITY + i]
+            body[VELOCITY + i] -= body[DAMPING] * span * body[VELOCITY + i]
         w1, w2, w3 = spin_of(body)
         if w1 == 0.0 and w2 == 0.0 and w3 == 0.0:
             continue
+        span = slowed(body[DAMPING + 1], h)
         if body[INVERSE_MASS] > 0:
             # The spin half-way: of the same momentum in the frame as it will be then, found in two rounds.
             a1, a2, a3 = w1, w2, w3
             for _ in range(2):
-                rotate(body, 0.5 * h * a1, 0.5 * h * a2, 0.5 * h * a3)
+                rotate(body, 0.5 * span * a1, 0.5 * span * a2, 0.5 * span * a3)
                 m1, m2, m3 = spin_of(body)
-                rotate(body, -0.5 * h * a1, -0.5 * h * a2, -0.5 * h * a3)
+                rotate(body, -0.5 * span * a1, -0.5 * span * a2, -0.5 * span * a3)
                 a1, a2, a3 = m1, m2, m3
             w1, w2, w3 = a1, a2, a3
-        rotate(body, h * w1, h * w2, h * w3)
+        rotate(body, span * w1, span * w2, span * w3)
+        for i in range(3):
+            body[MOMENTUM + i] -= body[DAMPING + 1] * span * body[MOMENTUM + i]
+
+
+@borrowing_kernel
+def slowed(rate: float, h: float) -> float:
+    """Time in which a body goes as far as in the time h if water takes its velocity at a `rate`."""
+    return -np.expm1(-rate * h) / rate if rate > 0 else h
 
 
 @borrowing_kernel
@@ -104,24 +115,17 @@ def straighten(body: Floats) -> None:
 
 @borrowing_kernel
 def kick_bodies(bodies: Floats, h: float) -> None:
-    """Springs, pushes and damping over one step; springs of position are implicit, damping is exact."""
+    """Springs and pushes over one step; springs swing as they should by what `bodies.swung` adds to masses."""
     for j in range(bodies.shape[0]):
         mobility = bodies[j, INVERSE_MASS]
         if mobility == 0.0:
             continue
         body = bodies[j]
-        rate, turning = body[DAMPING], body[DAMPING + 1]
-        decay, turn_decay = np.exp(-rate * h), np.exp(-turning * h)
-        # phi1: a force keeps its full effect under exact damping.
-        share = -np.expm1(-rate * h) / (rate * h) if rate > 0 else 1.0
-        turn_share = -np.expm1(-turning * h) / (turning * h) if turning > 0 else 1.0
-        spring, turn_spring = body[SPRING], body[SPRING + 1]
         for i in range(3):
-            force = body[PUSH + i] + spring * (body[HOME + i] - body[POSITION + i])
-            body[VELOCITY + i] = (decay * body[VELOCITY + i] + share * h * mobility * force) / (1 + share * h * h * spring * mobility)
+            body[VELOCITY + i] += h * mobility * (body[PUSH + i] + body[SPRING] * (body[HOME + i] - body[POSITION + i]))
         a1, a2, a3 = body[FRAME + 6], body[FRAME + 7], body[FRAME + 8]
         b1, b2, b3 = body[HOME_AXIS], body[HOME_AXIS + 1], body[HOME_AXIS + 2]
-        pull = turn_share * h * turn_spring
-        body[MOMENTUM] = turn_decay * body[MOMENTUM] + pull * (a2 * b3 - a3 * b2)
-        body[MOMENTUM + 1] = turn_decay * body[MOMENTUM + 1] + pull * (a3 * b1 - a1 * b3)
-        body[MOMENTUM + 2] = turn_decay * body[MOMENTUM + 2] + pull * (a1 * b2 - a2 * b1)
+        pull = h * body[SPRING + 1]
+        body[MOMENTUM] += pull * (a2 * b3 - a3 * b2)
+        body[MOMENTUM + 1] += pull * (a3 * b1 - a1 * b3)
+        body[MOMENTUM + 2] += pull * (a1 * b2 - a2 * b1)

@@ -11,7 +11,7 @@ from ..contracts import Motion, joined
 from ..errors import OctoctrlError
 from ..findings import Finding
 from ..scene.objects import BEARABLE, RigidObject, frame_of
-from ..scene.supports import Free
+from ..scene.supports import Free, Springs
 from .bodies import notes_of, release
 from .columns import Anchor, Body, Note
 from .markers import markers_of
@@ -105,13 +105,21 @@ class Surroundings:
         self, objects: Sequence[RigidObject], points: Points | Nodes, *, thickness: float = inf, water_density: float = 0.0
     ) -> None:
         self.objects, self.points, self.thickness, self.water_density = tuple(objects), points, thickness, water_density
+        self._step = 0.0
         self._changing = [number for number, item in enumerate(self.objects) if _times(item)]
         self.rest()
 
     def rest(self) -> None:
         """Put every object where it begins, untouched."""
         bearable = (BEARABLE - EXPLAINED) * self.thickness
-        self.world = World.of(self.points, self.objects, water_density=self.water_density, bearable=bearable)
+        self.world = World.of(self.points, self.objects, water_density=self.water_density, bearable=bearable, step=self._step)
+
+    def start(self, step: float) -> None:
+        """Set all that depends on the `step`, s."""
+        self._step = step
+        for item, body in zip(self.objects, self.world.bodies, strict=True):
+            if isinstance(item.support, Springs):
+                release(body, item, self.water_density, step)
 
     def check(self, places: Floats) -> None:
         """Check that nothing overlaps the arm whose points are at `places` (P, 3), m, or what can be moved.

@@ -102,9 +102,11 @@ class World(NamedTuple):
     noted: NDArray[np.int64]
 
     @classmethod
-    def of(cls, points: Points | Nodes, objects: Sequence[RigidObject], *, water_density: float = 0.0, bearable: float = inf) -> "World":
+    def of(
+        cls, points: Points | Nodes, objects: Sequence[RigidObject], *, water_density: float = 0.0, bearable: float = inf, step: float = 0.0
+    ) -> "World":
         """The world at the begin."""
-        count, bodies = len(points.radius), rows_of(objects, water_density=water_density)
+        count, bodies = len(points.radius), rows_of(objects, water_density=water_density, step=step)
         return cls(
             points=points,
             bodies=bodies,

@@ -148,6 +148,8 @@ class RodCore:
     def start(self, clock: Clock) -> None:
         """Set all that depends on the step."""
         self._prepare(clock.step)
+        if self._around is not None:
+            self._around.start(clock.step)
 
     def _prepare(self, h: float) -> None:
         self._h = h
