@@ -12,6 +12,7 @@ from octoctrl.sim.assembly.layout import AssemblyRow as R
 from octoctrl.sim.assembly.layout import CrossingRow, SlabRow, SpokeRow
 from octoctrl.sim.body.arm import LONGITUDINAL_GROUPS, Arm
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.findings import Finding
 from octoctrl.sim.plants import make_plant
 from octoctrl.sim.running.clock import Clock
 from octoctrl.sim.running.plant import Plant
@@ -534,6 +535,24 @@ def test_an_arm_that_is_faster_than_any_muscle_could_throw_it_is_stopped():
         else:
             with pytest.raises(PlantUnstableError, match="moves faster than 10 m/s"):
                 plant.advance(Activation(), 1e-4)
+
+
+@pytest.mark.parametrize(("rows", "rod"), [((R.X2,), "nerve cord"), ((R.X1, R.X3), "ring 0")], ids=["along", "around"])
+def test_an_arm_that_is_stretched_beyond_what_its_laws_describe_is_stopped(rows, rod):
+    """Seen after one step, so short that nothing has come up to speed yet; within the limits it is thrown apart some steps later."""
+    core = AssemblyCore(ARM, Scene(), ring_nodes=8)
+    still = {name: np.zeros((2, len(core.arm.layout.names), len(edges) - 1)) for name, edges in core.partitions.items()}
+    for factor, steps, found in (
+        (0.19, 100_000, Finding.STRETCHED), (0.21, 10_000, Finding.FAST), (2.95, 10_000, Finding.FAST), (3.05, 100_000, Finding.STRETCHED),
+    ):  # fmt: skip
+        clock = Clock(sample=1e-4, steps=steps)
+        core.start(clock)
+        core.rest()
+        for view, nodes in ((core.rods.straight, {"nodes": True}), (core.rods.oblique, {"nodes": True}), (core.rods.ring, {})):
+            for row in rows:
+                view(row, **nodes)[...] *= factor
+        stop = core.explain(core.state(), 0, still, None, clock)
+        assert stop.finding is found and (stop.rod == rod or found is Finding.FAST), (factor, stop)
 
 
 def test_places_have_names():
