@@ -86,8 +86,7 @@ def plan(
     check_kind("scene", scene, Scene)
     if guess is not None:
         check_kind("guess", guess, Plan, "what oc.plan gives, or oc.load of its file")
-    if is_simulated(configuration.task):
-        check_objects(configuration.task, scene)
+    check_objects(configuration.task, scene)
     identified = load_model(model, arm, scene, configuration.run.plant if plant is None else plant)
     if configuration.plan.sections is not None:
         identified = identified.divided(configuration.plan.sections)

@@ -19,7 +19,7 @@ from octoctrl.planners.asking.task import Phase, Task
 from octoctrl.planners.asking.wrapping import TwistCurve
 from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.planners.solving.cross_entropy import Candidate
-from octoctrl.planners.solving.grasping import check_objects, grasp_drives, grasp_region, objects_held, too_short
+from octoctrl.planners.solving.grasping import grasp_drives, grasp_region, objects_held, too_short
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.planners.solving.scenarios import Scenario, four
 from octoctrl.sim.errors import OctoctrlError
@@ -62,8 +62,8 @@ def plan_by_search(
     Parameters
     ----------
     task : Task
-        Its phases last as long as they say. Of drives that set in with a phase, the free numbers are searched with the goals of that
-        phase; a task that leaves its drives to the planner gets those of a grasp.
+        Whose goals are about objects that the scene has. Its phases last as long as they say. Of drives that set in with a phase, the
+        free numbers are searched with the goals of that phase; a task that leaves its drives to the planner gets those of a grasp.
     model : ReducedModel
         Of the arm in its scene: by it the plan's shapes are kept, nothing is planned on it.
     plant : str
@@ -89,12 +89,11 @@ def plan_by_search(
     Raises
     ------
     OctoctrlError
-        If a goal names an object that the scene does not have, or the plant is unknown.
+        If the plant is unknown.
     """
     arm, scene, display = model.arm, model.scene, progress or NullProgress()
     task = task.on(arm)
     check_plant(plant)
-    check_objects(task, scene)
     reason, begin, processor = too_short(task, arm, scene), perf_counter(), process_time()
     if reason:
         return refused(task, model, reason, plant)
