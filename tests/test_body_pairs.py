@@ -134,7 +134,7 @@ def test_what_is_moved_pushes_what_is_free():
 
 
 def test_pairs_are_those_that_something_can_move_and_points_those_of_the_smaller():
-    fixed = [replace(POST, name=name, support=oc.sim.scene.supports.Fixed()) for name in ("a", "b")]
+    fixed = [replace(POST, name=name, mass=None, support=oc.sim.scene.supports.Fixed()) for name in ("a", "b")]
     assert not len(Pairs.of(fixed).pairs)
     pairs = Pairs.of([FLOOR, BALL, *fixed]).pairs
     assert {tuple(pair) for pair in pairs} == {(1, 0), (1, 2), (1, 3)}

@@ -402,6 +402,11 @@ def test_a_curl_beside_a_post_or_beyond_its_end_is_not_covered():
         (lambda: Capsule(name="post", radius=0.01, length=-1.0), "object 'post': length=-1 m is outside > 0 m"),
         (lambda: Sphere(name="ball", radius=0.01, support=Free()), "object 'ball' can move but has no mass; give mass or density"),
         (lambda: Sphere(name="ball", radius=0.01, mass=1.0, density=2.0), "object 'ball' has a mass and a density; give one of them"),
+        (
+            lambda: Sphere(name="ball", radius=0.01, mass=1.0),
+            "object 'ball' has a mass but nothing can move it; leave mass out, or use support Free() or Springs()",
+        ),
+        (lambda: Sphere(name="ball", radius=0.01, density=1.0, support=Moved(velocity=(0, 0, 1))), "has a density but nothing can move it"),
         (lambda: Plane(name="floor", axis=(0, 0, 0)), "object 'floor': axis is zero; give a direction, such as (0, 1, 0)"),
         (
             lambda: Sphere(name="ball", radius=0.01, position=(0, 0, float("nan"))),

@@ -40,7 +40,8 @@ from octoctrl.sim.contact.bodies import notes_of, rows_of
 from octoctrl.sim.contact.columns import Note
 from octoctrl.sim.contact.hold import Hold, recorded_object
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Fixed, Free, Plane, Sphere, frame_of
+from octoctrl.sim.scene.objects import Box, Capsule, Cylinder, Free, Plane, Sphere, frame_of
+from octoctrl.sim.scene.supports import Push
 from octoctrl.sim.templates import Wave
 from octoctrl.sim.topology.measures import present_of_frames
 
@@ -398,8 +399,10 @@ def test_friction_holds_along_the_axis_what_its_law_says(hold, friction):
 
 
 def test_a_tug_at_a_free_object_leaves_other_objects_alone():
-    bar = Capsule(name="bar", radius=5e-3, length=0.04, position=(0.06, 0.1, 0.0), density=1e3, support=Free())
-    plant = oc.make_plant("rod", ARM, oc.Scene(objects=(bar, replace(bar, name="wall", position=(0.06, 0.14, 0.0), support=Fixed()))))
+    wall = Capsule(name="wall", radius=5e-3, length=0.04, position=(0.06, 0.14, 0.0))
+    pushed = (Push(force=(0.0, 0.0, 1e-6), until=0.01),)
+    bar = replace(wall, name="bar", position=(0.06, 0.1, 0.0), density=1e3, support=Free(), pushes=pushed)
+    plant = oc.make_plant("rod", ARM, oc.Scene(objects=(bar, wall)))
     rest = oc.Schedule(primitives=(Swing(level=0.0),), duration=2.0).activation()
     plant.advance(rest, 0.1)
     found = tugs(plant, rest, "bar", model="rod")

@@ -78,7 +78,9 @@ def tug(held: Plant, source: ActivationSource, name: str, direction: Floats, dis
     """
     index = [item.name for item in held.scene.objects].index(name)
     # What is moved here belongs to nobody's mass: the scene says fixed, so that it is not let go again.
-    objects = tuple(replace(item, support=Fixed()) if item.name == name else item for item in held.scene.objects)
+    objects = tuple(
+        replace(item, support=Fixed(), mass=None, density=None, pushes=()) if item.name == name else item for item in held.scene.objects
+    )
     moved = make_plant(model, held.arm, replace(held.scene, objects=objects), record_every=held.record_every)
     state = {key: np.array(value) for key, value in held.state().items()}
     body, unit = state["bodies"][index], np.asarray(direction, dtype=float) / np.linalg.norm(direction)

@@ -39,7 +39,7 @@ class RigidObject(ABC):
         Direction of d3, of any length.
     support : Fixed, Moved, Free or Springs
     density : float, kg/m^3, or None
-        Of an object that can move, unless `mass` is given.
+        Of an object that what touches it can move, and only of such a one, unless `mass` is given.
     mass : float, kg, or None
     pushes : tuple of Push
         Forces on an object that can move, besides those of the arm.
@@ -53,7 +53,7 @@ class RigidObject(ABC):
     Raises
     ------
     OctoctrlError
-        If a number is out of range, or an object that can move has no mass, or one is pushed that cannot.
+        If a number is out of range, or an object that can move has no mass, or one that cannot has one or is pushed.
     """
 
     name: str
@@ -101,6 +101,11 @@ class RigidObject(ABC):
             raise OctoctrlError(f"object '{self.name}' has a mass and a density; give one of them")
         if self.movable and self.weight is None:
             raise OctoctrlError(f"object '{self.name}' can move but has no mass; give mass or density")
+        for label, given in (("mass", self.mass), ("density", self.density)):
+            if given is not None and not self.movable:
+                raise OctoctrlError(
+                    f"object '{self.name}' has a {label} but nothing can move it; leave {label} out, or use support Free() or Springs()"
+                )
         object.__setattr__(self, "pushes", several(self.pushes))
         settle(self)
         if self.pushes and not self.movable:
