@@ -179,6 +179,13 @@ def test_replanning_needs_feedback_by_name(coil):
         Replanning(most=-1)
 
 
+def test_what_is_planned_by_simulating_is_not_planned_again(coil):
+    goal = oc.goal("covered_winding", object="post", at_least=0.9)
+    task = replace(coil.task, phases=tuple(replace(phase, goals=(goal,)) for phase in coil.task.phases))
+    with pytest.raises(OctoctrlError, match=r"is planned by simulating, from rest, and never in the middle of a run; leave replan out$"):
+        oc.execute(replace(coil, task=task), replan=True)
+
+
 def test_planning_again_begins_from_the_numbers_of_the_plan(coil, seen, again):
     """Of a plan that the arm follows little is left to search for."""
     forgetful = replace(coil, report=replace(coil.report, numbers={}))

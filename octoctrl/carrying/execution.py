@@ -6,6 +6,7 @@ from typing import Any
 
 from octoctrl.planners.contracts import Controller
 from octoctrl.planners.following.controllers import controller
+from octoctrl.planners.solving.grasping import is_simulated
 from octoctrl.planners.solving.plan import Plan
 from octoctrl.sim.contracts import Resumable
 from octoctrl.sim.errors import OctoctrlError, check_kind, check_number
@@ -83,7 +84,8 @@ def execute(
         Who looks on and sets the pace, such as a live view, `octoctrl.View`.
     replan : Replanning or bool
         Whether is planned again from the present state where something calls for it, see `octoctrl.carrying.replanning.Replanning`; the
-        plant stands still meanwhile, and `Execution.replans` tells. Needs feedback that has a name.
+        plant stands still meanwhile, and `Execution.replans` tells. Needs feedback that has a name, and a plan that was not searched
+        by simulating.
 
     Returns
     -------
@@ -109,7 +111,7 @@ def execute(
         check_number("period", period, above=0.0, unit="s")
     chosen = controller(plan.feedback if feedback is None else feedback, plan)
     again = (Replanning() if replan is True else replan) or None
-    replanner = None if again is None else _replanner(again, _named(feedback, plan))
+    replanner = None if again is None else _replanner(again, plan, _named(feedback, plan))
     if path is None:
         run = _run(plan, plant, chosen, progress, period, patience, settle, sensors, replanner)
         return run.to_the_end(progress or NullProgress(), watch=watch)
@@ -166,7 +168,7 @@ def resume(path: str | Path, *, feedback: Any = None, plant: Any = None, progres
                 raise OctoctrlError(f"{path}: the run had a {what} of its own; give one that is made as that was, {what}=...")
         plan = start.plan
         chosen = controller(feedback or start.controlled, plan)
-        replanner = None if start.replan is None else _replanner(start.replan, start.controlled)
+        replanner = None if start.replan is None else _replanner(start.replan, plan, start.controlled)
         run = _run(plan, plant or start.plant, chosen, progress, start.period, start.patience, start.settle, start.sensors, replanner)
         check_identity(path, start.identity, _identity(run.plant))
         for what, one, state in (("plant", run.plant, "plant"), ("feedback", chosen, "controller")):
@@ -208,8 +210,12 @@ def _run(
     return Run(plan, plant, chosen, sensors or Sensors(), period=period, patience=patience, settle=settle, replanner=replanner)
 
 
-def _replanner(settings: Replanning, name: str) -> Replanner:
-    """What plans again, and follows it with the controller of that `name`."""
+def _replanner(settings: Replanning, plan: Plan, name: str) -> Replanner:
+    """What plans again in place of a `plan`, and follows it with the controller of that `name`."""
+    if is_simulated(plan.task):
+        raise OctoctrlError(
+            f"task '{plan.task.name}' is planned by simulating, from rest, and never in the middle of a run; leave replan out"
+        )
     if not name:
         raise OctoctrlError("replan: a plan that is made in the middle of a run needs a controller of its own; give feedback by its name")
     return Replanner(settings, lambda plan: controller(name, plan))
