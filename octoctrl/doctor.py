@@ -13,7 +13,7 @@ from octoctrl import __version__
 from octoctrl.sim.activation import Activation
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import PLANTS, Plant, PlantRow
-from octoctrl.sim.scene.scene import self_contact
+from octoctrl.sim.scene.scene import Scene, self_contact
 
 from .files.configuration import Configuration
 
@@ -228,24 +228,31 @@ def _run_time(plant: Plant, row: PlantRow, activation: Activation, duration: flo
 
 def plan_header(configuration: Configuration) -> str:
     """One line on what a plan of a `configuration` takes into account."""
+    from octoctrl.planners.solving.grasping import is_simulated
+
     activation, duration = _guess(configuration)
-    drag = "no drag" if configuration.scene.water is None else "drag"
-    groups = "any" if configuration.task.choose is not None else str(len(activation.groups))
-    loads = ", no loads" if configuration.scene.loads else ""
-    return (
-        f"reduced model: {groups} of {len(configuration.arm.layout)} muscle groups, {drag}, no inertia, no contact{loads}; "
-        f"{len(configuration.task.phases)} phases, {duration:.3g} s at first"
-    )
+    task, scene, phases = configuration.task, configuration.scene, len(configuration.task.phases)
+    groups = "any" if task.choose is not None else str(len(activation.groups))
+    counted = f"{groups} of {len(configuration.arm.layout)} muscle groups, {'no drag' if scene.water is None else 'drag'}"
+    lasting = f"{phases} phase{'s' * (phases != 1)}, {duration:.3g} s at first"
+    if is_simulated(task):
+        return f"planned by simulating one rod: {counted}, {_contact(scene)}; {lasting}"
+    return f"reduced model: {counted}, no inertia, no contact{', no loads' if scene.loads else ''}; {lasting}"
+
+
+def _contact(scene: Scene) -> str:
+    """What of a `scene` acts on a plant, besides the water."""
+    count = len(scene.objects)
+    contact = f"contact with {count} object{'s' * (count != 1)}" if count else "no contact"
+    contact += f", {self_contact(scene)}" if scene.self_contact else ""
+    return contact + (f", {len(scene.loads)} load{'s' * (len(scene.loads) != 1)}" if scene.loads else "")
 
 
 def header(plant: Plant, groups: Sequence[str]) -> str:
     """One line on what a run on a `plant` with these active `groups` of muscles computes."""
     water = plant.scene.water is not None and plant.scene.water.factor > 0
     active, drag = f"{len(groups)} of {len(plant.arm.layout)} muscle groups active", "drag" if water else "no drag"
-    contact = f"contact with {len(plant.scene.objects)} object(s)" if plant.scene.objects else "no contact"
-    contact += f", {self_contact(plant.scene)}" if plant.scene.self_contact else ""
-    contact += f", {len(plant.scene.loads)} load(s)" if plant.scene.loads else ""
     return (
-        f"{plant.model} plant: {active}, {drag}, {contact}; "
+        f"{plant.model} plant: {active}, {drag}, {_contact(plant.scene)}; "
         f"step {1e3 * plant.h:.3g} ms, {plant.h / plant.limit.step:.2f} of the limit ({plant.limit.mechanism})"
     )

@@ -74,7 +74,7 @@ def fits(hint: Any, value: Any) -> bool:
 def settle(item: Any) -> None:
     """Check the fields of a dataclass (`item`) as it is made against their annotations: texts, truths, objects, and several of them.
 
-    Lists become tuples. Numbers are left to who knows their ranges, and so is what fulfils a protocol.
+    Lists and arrays become tuples. Numbers are left to who knows their ranges, and so is what fulfils a protocol.
 
     Raises
     ------
@@ -82,17 +82,24 @@ def settle(item: Any) -> None:
         If a field is something else.
     """
     kind: type = type(item)
+    as_tuples(item)
     for name, hint in _looked_at(kind):
         value = getattr(item, name)
-        if isinstance(value, list) and _is_tuple(hint):
-            value = tuple(value)
-            object.__setattr__(item, name, value)
         if _is_settled(hint, value):
             continue
         needed = f"{_words(hint)} {'are' if _is_tuple(hint) else 'is'} needed"
         if _is_tuple(hint) and _is_settled(hint, (value,)):
             needed += f", in brackets: ({brief(repr(value))},) for one"
         raise OctoctrlError(f"{kind.__name__}: {name} is {brief(repr(value))}; {needed}")
+
+
+def as_tuples(item: Any) -> None:
+    """Make tuples of the lists and arrays that a dataclass (`item`) was given where it keeps tuples."""
+    kind: type = type(item)
+    for name, hint in _looked_at(kind):
+        value = getattr(item, name)
+        if isinstance(value, list | np.ndarray) and np.ndim(value) and _is_tuple(hint):
+            object.__setattr__(item, name, tuple(value.tolist() if isinstance(value, np.ndarray) else value))
 
 
 @cache

@@ -178,6 +178,12 @@ def test_springs_swing_an_object_as_they_should_at_the_step_of_a_plant(model):
     np.testing.assert_allclose(swung, 1e-5 * np.cos(run.time / h), rtol=0, atol=1e-8)
 
 
+def test_arrays_and_lists_are_taken_where_tuples_are():
+    made = replace(BRICK, size=np.array([0.03, 0.04, 0.02]), axis=[0.0, 0.0, 1.0], pushes=[Push(force=np.array([1.0, 0.0, 0.0]))])
+    assert made == replace(BRICK, pushes=(Push(force=(1.0, 0.0, 0.0)),))
+    assert hash(made) and Moved(velocity=np.zeros(3)) == Moved()
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -189,6 +195,8 @@ def test_springs_swing_an_object_as_they_should_at_the_step_of_a_plant(model):
         ),
         (lambda: replace(BALL, pushes=((1, 0, 0),)), "Sphere: pushes is ((1, 0, 0),); several Pushes are needed"),
         (lambda: replace(BALL, support="fixed"), "object 'ball': support is fixed; use Fixed(), Moved(...), Free(...) or Springs(...)"),
+        (lambda: replace(BRICK, size=(0.1, -0.1, 0.1)), "object 'brick': size=-0.1 m is outside > 0 m"),
+        (lambda: replace(BRICK, size=np.ones(2)), "object 'brick': size is (1.0, 1.0); three finite numbers are needed"),
         (lambda: replace(BRICK, size=0.05), "object 'brick': size is 0.05; three finite numbers are needed"),
         (lambda: replace(BALL, friction=0.1), "object 'ball': friction is 0.1; two finite numbers are needed, such as (0.1, 0.1)"),
         (lambda: replace(BALL, name=""), "an object's name is ''; a word is needed, such as 'post'"),

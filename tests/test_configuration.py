@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from octoctrl import tasks
 from octoctrl.files.configuration import Configuration, PlanSettings, RunSettings, parse
-from octoctrl.files.conversion import UNIT_OF, UNITS, build
+from octoctrl.files.conversion import UNITS, build, unit_of
 from octoctrl.files.toml_source import Source
 from octoctrl.files.toml_writing import toml_of
 from octoctrl.planners.asking.goals.keep_out import CapsuleZone, HalfSpaceZone, SphereZone
@@ -24,7 +24,9 @@ from octoctrl.planners.contracts import When
 from octoctrl.sim.body.arm import MUSCLE_GROUPS, Arm, LumpedSection
 from octoctrl.sim.body.squid import SquidTentacle
 from octoctrl.sim.errors import OctoctrlError
+from octoctrl.sim.scene.objects import Sphere
 from octoctrl.sim.scene.scene import Scene, Water
+from octoctrl.sim.scene.supports import Push, Springs
 from octoctrl.sim.templates import WRITE_THRESHOLD
 
 ROOT = Path(__file__).parent.parent
@@ -446,9 +448,24 @@ def reachable(kind, found):
     return found
 
 
+def test_what_objects_weigh_and_how_they_are_held_takes_units():
+    told = """[[scene.objects]]
+    kind = "Sphere"
+    name = "bob"
+    radius = "1 cm"
+    mass = "20 g"
+    stiffness = "4 MPa"
+    support = { kind = "Springs", stiffness = "0.1 N/mm", turning = "160 mN m" }
+    pushes = [{ force = [0, 0, "10 mN"], until = "200 ms" }]
+    """
+    (bob,) = parse(toml_of(tasks.load("coil")) + told).scene.objects
+    pushes = (Push(force=(0.0, 0.0, 0.01), until=0.2),)
+    assert bob == Sphere(name="bob", radius=0.01, mass=0.02, support=Springs(stiffness=100.0, turning=0.16), pushes=pushes)
+
+
 def test_units_of_fields_are_those_of_their_docstrings():
-    """All that have one unit wherever they stand; those of a goal are its own."""
-    others = {"tolerance", "value", "stiffness", "smoothness_weight"}
+    """Those of a goal are its own."""
+    others = {"tolerance", "value", "smoothness_weight"}
     found = reachable(Configuration, set())
     for kind in (*goal_kinds().values(), *primitive_kinds().values()):
         reachable(kind, found)
@@ -458,7 +475,7 @@ def test_units_of_fields_are_those_of_their_docstrings():
             unit = next((word for word in reversed(said.split(", ")) if word in UNITS), None)
             for name in (set(names.split(", ")) & {item.name for item in fields(kind)}) - others if unit else ():
                 seen.add(name)
-                missed |= {f"{kind.__name__}.{name} {unit}"} if UNIT_OF.get(name) != unit else set()
+                missed |= {f"{kind.__name__}.{name} {unit}"} if unit_of(kind, name) != unit else set()
     assert SquidTentacle in found and {"apex", "delay", "length", "speed", "azimuth", "sarcomere"} <= seen and not missed
 
 

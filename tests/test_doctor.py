@@ -74,7 +74,10 @@ def test_a_step_far_below_the_limit_says_why(plant, reason):
 def test_one_line_before_planning_and_running():
     assert diagnosis.plan_header(tasks.load("coil")).startswith("reduced model: 5 of 11 muscle groups, drag, no inertia, no contact;")
     for name in tasks.names():  # also of windows that are shares of the arm
-        assert diagnosis.plan_header(tasks.load(name)).startswith("reduced model: ")
+        assert diagnosis.plan_header(tasks.load(name)).startswith("reduced model: ") == (name != "grasp")
+    assert diagnosis.plan_header(tasks.load("grasp")) == (
+        "planned by simulating one rod: any of 11 muscle groups, drag, contact with 1 object; 1 phase, 5 s at first"
+    )
     line = diagnosis.header(Plant(), ("LM1", "R-OM"))
     assert line.startswith("rod plant: 2 of 11 muscle groups active, drag, no contact; step 0.5 ms, 0.74 of the limit")
 
@@ -85,7 +88,7 @@ def test_objects_are_needed_where_there_are_any():
     scene = Scene(objects=(Sphere(name="ball", radius=0.01, position=(0.05, 0.1, 0.0)),))
     told = marks(diagnosis.needs(replace(tasks.load("coil"), scene=scene)))
     assert told["contact, friction"][0] == "needed" and "with ball" in told["contact, friction"][1]
-    assert "contact with 1 object(s)" in diagnosis.header(Plant(scene=scene), ("LM1",))
+    assert "contact with 1 object;" in diagnosis.header(Plant(scene=scene), ("LM1",))
 
 
 def test_contact_with_itself_is_needed_where_it_is_asked_for():

@@ -83,11 +83,21 @@ def threaded(other):
     return oc.Task(name="through", phases=(oc.Phase(name="pass", duration=1.0, goals=goals),), drives="choose")
 
 
+def turned():
+    """A task that turns the post."""
+    goals = (oc.goal("object_turn", object="post", value=1.5),)
+    return oc.Task(name="turned", phases=(oc.Phase(name="turn", duration=1.0, goals=goals),), drives="choose")
+
+
 OBJECTS = [
     (lambda: oc.goal("facing", object="bar", at_least=1.7), "goal facing=1.7 is outside -1…1"),
     (lambda: oc.goal("object_turn", object="bar", value=31.4), "goal object_turn=31.4 rad is outside 0…3.14159 rad"),
     (lambda: oc.goal("threading", object="post", other="post", value=1), "goal threading: object and other are both 'post'; name two objects"),
     (lambda: oc.plan("grasp", scene=oc.Scene()), "task 'grasp': a goal is about object 'post', which the scene does not have (none)"),
+    (
+        lambda: oc.plan(turned(), scene=oc.Scene(objects=(POST,))),
+        "task 'turned': goal object turn 1.5 ± 0.2 rad of 'post': the object is fixed and stays at 0 rad; give it a support that lets it move, such as Free()",
+    ),
     (lambda: oc.plan(threaded("bar"), scene=oc.Scene(objects=(POST,))), "task 'through': a goal is about object 'bar', which the scene does not have (post)"),
     (lambda: oc.plan("grasp", time_limit=-1), "time_limit=-1 s is outside > 0 s"),
     (lambda: oc.plan("grasp", executor=4), "executor is 4; give one of concurrent.futures, such as ThreadPoolExecutor(4)"),

@@ -13,6 +13,7 @@ from octoctrl.sim.contact.near_kernels import LEAST_MARGIN, START, SWELLING, loo
 from octoctrl.sim.contact.surroundings import Touch
 from octoctrl.sim.contact.world import World, points_of
 from octoctrl.sim.errors import OctoctrlError, PlantUnstableError
+from octoctrl.sim.findings import Finding
 from octoctrl.sim.rod.layout import Row, stride_for
 from octoctrl.sim.rod.section_kernels import MAJORANT, section_kernels
 from octoctrl.sim.scene.objects import Box, Capsule, Plane, Sphere, frame_of
@@ -297,7 +298,7 @@ length = "80 mm"
 position = ["0 mm", "70 mm", "-22 mm"]
 axis = [1, 0, 0]
 support = { kind = "free", since = "4 s" }
-density = 105.0
+density = "0.105 g/cm^3"
 """
 
 
@@ -312,7 +313,26 @@ def test_objects_of_a_task_file():
     with pytest.raises(OctoctrlError, match=r"scene.objects\[0\].kind: unknown kind 'capsul'; did you mean 'Capsule'"):
         parse(text + TABLE.replace("capsule", "capsul"))
     with pytest.raises(OctoctrlError, match="object 'post' can move but has no mass; give mass or density"):
-        parse(text + TABLE.replace("density = 105.0", ""))
+        parse(text + TABLE.replace('density = "0.105 g/cm^3"', ""))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"free", since', '"fixed", since', "scene.objects[0].support.since: unknown key"),
+        ('kind = "free", ', "", "scene.objects[0].support.since: Fixed has no 'since'; say kind = 'Free'"),
+        ("scene.objects", "objects", "objects: unknown key; did you mean 'scene.objects'? (known: "),
+        ("g/cm^3", "lb/ft^3", "scene.objects[0].density: unit 'lb/ft^3' not known; use kg/m^3, g/cm^3"),
+        ('kind = "capsule"', 'kind = "mesh"', "scene.objects[0]: 'file' is missing"),
+    ],
+)
+def test_what_is_wrong_with_an_object_of_a_task_file(old, new, said, tmp_path):
+    from octoctrl.files.toml_writing import toml_of
+
+    (tmp_path / "task.toml").write_text(toml_of(oc.tasks.load("coil")) + TABLE.replace(old, new))
+    with pytest.raises(OctoctrlError) as raised:
+        oc.tasks.load(tmp_path / "task.toml")
+    assert said in str(raised.value)
 
 
 @pytest.mark.parametrize(
@@ -334,6 +354,15 @@ def test_what_goes_too_fast_or_nowhere_stops_the_run(astray):
         moving.advance(CURL, 0.5)
     kept = caught.value.recording
     assert moving.time == 0 and np.isfinite(kept.series["touch ball"]).all() and kept.time[-1] < caught.value.time
+
+
+def test_what_is_pressed_through_the_base_is_told_by_what_stops_it_at_the_finest_step():
+    """Not by how deep it sinks in at the whole one, for that alone stops nothing."""
+    pressing = plant(Plane(name="floor", position=(0.0, 0.0, -0.015), support=Moved(velocity=(0.0, 0.0, 0.1))))
+    with pytest.raises(PlantUnstableError) as raised:
+        pressing.advance(oc.Activation(), 1.0)
+    assert raised.value.stop.finding not in (Finding.FINE, Finding.SUNK)
+    assert "sinks" not in str(raised.value)
 
 
 def test_the_length_of_an_axis_says_nothing():

@@ -29,6 +29,12 @@ UNITS: dict[str, tuple[str, dict[str, int | None]]] = {
     "m/s": ("metres per second", {"m/s": 0, "cm/s": -2, "mm/s": -3}),
     "Pa": ("pascals", {"Pa": 0, "kPa": 3, "MPa": 6}),
     "rad": ("radians", {"rad": 0, "deg": None}),
+    "rad/s": ("radians per second", {"rad/s": 0, "deg/s": None}),
+    "kg": ("kilograms", {"kg": 0, "g": -3, "mg": -6}),
+    "kg/m^3": ("kilograms per cubic metre", {"kg/m^3": 0, "g/cm^3": 3}),
+    "N": ("newtons", {"N": 0, "mN": -3}),
+    "N/m": ("newtons per metre", {"N/m": 0, "N/mm": 3}),
+    "N m": ("newton metres", {"N m": 0, "mN m": -3}),
 }
 """For each SI unit its name in words, and the accepted units with their powers of ten (None: degrees)."""
 
@@ -37,11 +43,17 @@ _FIELDS_IN = {
     "stretch vertices apex arclength sarcomere myosin",
     "s": "duration shortest longest rise fall onset offset time_limit hold since until period lasts times delay",
     "m/s": "speed velocity",
-    "Pa": "youngs_modulus shear_modulus maximum_stress compression_modulus",
+    "Pa": "youngs_modulus shear_modulus maximum_stress compression_modulus stiffness",
     "rad": "sucker_azimuth azimuth",
+    "rad/s": "spin",
+    "kg": "mass club_mass tip_mass",
+    "kg/m^3": "density densities",
+    "N": "Push.force PointLoad.force",
+    "N/m": "Springs.stiffness SpreadLoad.force",
+    "N m": "Springs.turning PointLoad.torque",
 }
 UNIT_OF = {name: unit for unit, names in _FIELDS_IN.items() for name in names.split()}
-"""Unit of the fields that have one, by name."""
+"""Unit of the fields that have one, by name, or by class and name."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _IN_UNIT_OF_GOAL = ("value", "at_least", "at_most", "between", "tolerance")
@@ -132,18 +144,31 @@ def _build_table(classes: list[Any], table: Any, source: Source, path: Path, def
             raise OctoctrlError(f"{source.where((*path, 'kind'))}: unknown kind '{brief(name)}'{suggest(name, known)} ({', '.join(known)})")
         default, kind = default if known[name] is kind else None, known[name]
         table = {key: value for key, value in table.items() if key != "kind"}
+    elif len(known) > 1 and kind.__name__ in known:
+        _check_kind_is_named(kind, known, table, source, path)
     return _build_fields(kind, table, source, path, default)
+
+
+def _check_kind_is_named(kind: Any, known: Mapping[str, Any], table: Mapping[str, Any], source: Source, path: Path) -> None:
+    """Check that a table without `kind` has no key that only other kinds have."""
+    own = {item.name for item in fields(kind)}
+    for key in table:
+        others = [name for name, other in known.items() if key not in own and any(item.name == key for item in fields(other))]
+        if others:
+            where = source.where((*path, key))
+            raise OctoctrlError(f"{where}: {kind.__name__} has no '{key}'; say kind = {' or '.join(map(repr, others))}")
 
 
 def _build_fields(kind: Any, table: Mapping[str, Any], source: Source, path: Path, default: Any = None, **ready: Any) -> Any:
     """The object of the class `kind` with the fields of the table, those that are `ready`, and the others of the default."""
     known = [item.name for item in fields(kind)]
-    _check_keys(table, known, source, path)
+    hints = typing.get_type_hints(kind)
+    inner = {f"{name}.{item.name}": item.name for name in known if is_dataclass(hints[name]) for item in fields(hints[name])}
+    _check_keys(table, known, source, path, inner)
     if default is None:
         for item in fields(kind):
             if item.name not in table and item.name not in ready and item.default is MISSING and item.default_factory is MISSING:
                 raise OctoctrlError(f"{source.where(path)}: '{item.name}' is missing")
-    hints = typing.get_type_hints(kind)
     for item in fields(kind):
         if item.name in table and item.name not in ready:
             usual = getattr(default, item.name, item.default)
@@ -202,16 +227,24 @@ def _check_table(table: Any, source: Source, path: Path) -> None:
         raise OctoctrlError(f"{source.where(path)}: expected a table, found {found(table)}")
 
 
-def _check_keys(table: Mapping[str, Any], known: list[str], source: Source, path: Path) -> None:
+def _check_keys(table: Mapping[str, Any], known: list[str], source: Source, path: Path, inner: Mapping[str, str] | None = None) -> None:
+    """Check that a `table` has `known` keys only; what is one of the `inner` names, or nearly, is looked for one table further in."""
     for key in table:
         if key not in known:
-            raise OctoctrlError(f"{source.where((*path, key))}: unknown key{suggest(key, known)} (known: {', '.join(known)})")
+            within = [place for place, name in (inner or {}).items() if key in (name, name.removesuffix("s"))]
+            meant = f"; did you mean '{within[0]}'?" if within else suggest(key, known)
+            raise OctoctrlError(f"{source.where((*path, key))}: unknown key{meant} (known: {', '.join(known)})")
 
 
 def _unit(kind: Any, name: str) -> str | None:
     """SI unit of a field, if it has one that can be written; the target of a goal is in the goal's unit."""
-    unit = getattr(kind, "unit", None) if name in _IN_UNIT_OF_GOAL else UNIT_OF.get(name)
+    unit = getattr(kind, "unit", None) if name in _IN_UNIT_OF_GOAL else unit_of(kind, name)
     return unit if unit in UNITS else None
+
+
+def unit_of(kind: type, name: str) -> str | None:
+    """SI unit of the field `name` of a class (`kind`), None if it has none that can be written."""
+    return UNIT_OF.get(f"{kind.__name__}.{name}", UNIT_OF.get(name))
 
 
 def _number(value: Any, unit: str | None, source: Source, path: Path) -> float:
@@ -219,7 +252,7 @@ def _number(value: Any, unit: str | None, source: Source, path: Path) -> float:
     words, powers = UNITS[unit] if unit else ("", {})
     try:
         if isinstance(value, str):
-            match = re.fullmatch(rf"\s*({_NUMBER})\s*([A-Za-zµ°%/^0-9]*)\s*", value)
+            match = re.fullmatch(rf"\s*({_NUMBER})\s*([A-Za-zµ°%/^0-9 ]*?)\s*", value)
             if match and unit and match[2] in powers:
                 power = powers[match[2]]
                 return radians(float(match[1])) if power is None else float(Decimal(match[1]).scaleb(power))

@@ -64,11 +64,12 @@ def put_meshes(data: dict[str, Any], source: Source, folder: Path) -> None:
     scene = data.get("scene")
     objects = scene.get("objects") if isinstance(scene, dict) else None
     for index, table in enumerate(objects if isinstance(objects, list) else []):
-        if not isinstance(table, dict) or str(table.get("kind", "")).lower() != "mesh" or "file" not in table:
+        if not isinstance(table, dict) or str(table.get("kind", "")).lower() != "mesh" or ("vertices" in table and "file" not in table):
             continue
         path = ("scene", "objects", index)
-        if "unit" not in table:
-            raise OctoctrlError(f"{source.where(path)}: 'unit' is missing")
+        for name, such in (("file", '"stone.stl", for example'), ("unit", ", ".join(LENGTHS))):
+            if name not in table:
+                raise OctoctrlError(f"{source.where(path)}: '{name}' is missing ({such})")
         for name in ("file", "unit"):
             if not isinstance(table[name], str):
                 raise OctoctrlError(f"{source.where((*path, name))}: expected text, found {found(table[name])}")

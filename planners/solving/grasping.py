@@ -16,6 +16,7 @@ from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.scene.objects import Capsule, Cylinder, RigidObject, frame_of
 from octoctrl.sim.scene.scene import Scene
+from octoctrl.sim.scene.supports import Fixed
 
 from ..asking.goals.covered_winding import CoveredWindingGoal
 from ..asking.goals.touching import TouchingGoal
@@ -61,20 +62,27 @@ def is_simulated(task: Task) -> bool:
 
 
 def check_objects(task: Task, scene: Scene) -> None:
-    """Check that the scene has the objects that the goals of a task are about.
+    """Check that the scene has the objects that the goals of a task are about, and that those can move that must.
 
     Raises
     ------
     OctoctrlError
-        If one is missing.
+        If one is missing, or is fixed where it does not meet the goal.
     """
-    known = [item.name for item in scene.objects]
+    known = {item.name: item for item in scene.objects}
     for goal in (goal for phase in task.phases for goal in phase.goals if isinstance(goal, TouchingGoal)):
         for name in (getattr(goal, role) for role in ("object", "other") if hasattr(goal, role)):
             if name not in known:
                 raise OctoctrlError(
                     f"task '{task.name}': a goal is about object '{name}', which the scene does not have ({', '.join(known) or 'none'})"
                 )
+        item, (low, high) = known[goal.object], goal.band
+        number = goal.at_rest(item) if isinstance(item.support, Fixed) else None
+        if number is not None and not low - goal.tolerance <= number <= high + goal.tolerance:
+            raise OctoctrlError(
+                f"task '{task.name}': goal {goal}: the object is fixed and stays at {number:.3g} {goal.unit}; "
+                "give it a support that lets it move, such as Free()"
+            )
 
 
 def nearest(arm: Arm, item: RigidObject) -> tuple[float, float, float]:

@@ -135,7 +135,7 @@ class Surroundings:
             depth, where = _overlap(places, self.points.radius, item)
             if depth > 0:
                 raise OctoctrlError(
-                    f"object '{item.name}' overlaps the arm at rest by {1e3 * depth:.2g} mm, near {where} m; move it or make it smaller"
+                    f"object '{item.name}' overlaps the arm at rest by {_millimetres(depth)}, near {where} m; move it or make it smaller"
                 )
         for small, large in self.world.pairs.pairs:
             one, other = self.objects[small], self.objects[large]
@@ -143,7 +143,7 @@ class Surroundings:
             depth, where = _overlap(np.asarray(one.position) + rows[:, :3] @ frame_of(one), rows[:, 3], other)
             if depth > ROUNDING:
                 raise OctoctrlError(
-                    f"object '{one.name}' overlaps object '{other.name}' by {1e3 * depth:.2g} mm, near {where} m; move one of them"
+                    f"object '{one.name}' overlaps object '{other.name}' by {_millimetres(depth)}, near {where} m; move one of them"
                 )
 
     def moved(self, first: int, samples: int, sample: float, go: Callable[[slice], Motion]) -> Motion:
@@ -231,6 +231,11 @@ def _times(item: RigidObject) -> list[float]:
 def _number(time: float, sample: float) -> float:
     """Number of the sample at a `time` (s), which may be never."""
     return round(time / sample) if isfinite(time) else time
+
+
+def _millimetres(length: float) -> str:
+    """A `length`, m, to two digits."""
+    return f"{float(f'{1e3 * length:.2g}'):g} mm"
 
 
 def _overlap(places: Floats, radius: Floats, item: RigidObject) -> tuple[float, str]:

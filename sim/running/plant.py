@@ -383,7 +383,9 @@ class Plant:
                 self._samples += moved
                 continue
             finer = self._finer(before, rest, moved) if again else None
-            if finer is None:
+            if finer is None or finer.finding:
+                if finer is not None and motion.finding is Finding.SUNK:  # at a finer step that would not have stopped it
+                    motion = motion._replace(finding=finer.finding, rod=finer.rod, element=finer.element)
                 if motion.finding is Finding.ASTRAY:
                     stop = Stop.astray((self._samples + moved + 1) * clock.sample, motion.rod)
                 else:
@@ -399,8 +401,8 @@ class Plant:
             motion = finer
         return pieces, motion
 
-    def _finer(self, before: State, inputs: dict[str, Floats], moved: int) -> Motion | None:
-        """The sample after so many that `moved`, at parts of the step; None if it stops there too."""
+    def _finer(self, before: State, inputs: dict[str, Floats], moved: int) -> Motion:
+        """The sample after so many that `moved`, at parts of the step; with a finding if it stops there too."""
         core, first = self._core, self._samples + moved
         core.restore(before)
         if moved:
@@ -417,7 +419,7 @@ class Plant:
                 core.restore(good)
         finally:
             core.start(self._clock)
-        return None
+        return motion
 
     def _piece(self, motion: Motion, levels: Floats) -> Recording:
         """What is recorded of a motion that begins now, whose levels (T + 1, groups, n) begin with those of now."""

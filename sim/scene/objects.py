@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..annotations import settle
+from ..annotations import as_tuples, settle
 from ..errors import OctoctrlError, brief, check_number
 from .supports import Fixed, Free, Push, Springs, Support, Vector, check_pair, check_vector
 
@@ -70,6 +70,7 @@ class RigidObject(ABC):
     kind: ClassVar[int]
 
     def __post_init__(self) -> None:
+        as_tuples(self)
         if not isinstance(self.name, str) or not self.name:
             raise OctoctrlError(f"an object's name is {brief(repr(self.name))}; a word is needed, such as 'post'")
         check_vector(f"object '{self.name}': position", self.position)
@@ -95,8 +96,6 @@ class RigidObject(ABC):
         for label in ("radius", "length"):
             if hasattr(self, label):
                 check_number(f"object '{self.name}': {label}", getattr(self, label), above=0.0, unit="m")
-        for size in self.sizes:
-            check_number(f"object '{self.name}': size", size, above=0.0, unit="m")
         if self.mass is not None and self.density is not None:
             raise OctoctrlError(f"object '{self.name}' has a mass and a density; give one of them")
         if self.movable and self.weight is None:
@@ -251,7 +250,10 @@ class Box(RigidObject):
     kind: ClassVar[int] = 3
 
     def __post_init__(self) -> None:
+        as_tuples(self)
         check_vector(f"object '{self.name}': size", self.size)
+        for edge in self.size:
+            check_number(f"object '{self.name}': size", edge, above=0.0, unit="m")
         RigidObject.__post_init__(self)
 
     @property

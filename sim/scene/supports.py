@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from math import inf
 
+from ..annotations import as_tuples
 from ..errors import check_number, check_numbers
 
 Vector = tuple[float, float, float]
@@ -49,6 +50,7 @@ class Moved:
     spin: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        as_tuples(self)
         for name in ("velocity", "spin"):
             check_vector(name, getattr(self, name))
 
@@ -69,6 +71,7 @@ class Free:
     damping: tuple[float, float] = (50.0, 5.0)
 
     def __post_init__(self) -> None:
+        as_tuples(self)
         check_number("free: since", self.since, at_least=0.0, unit="s")
         check_pair("free: damping", self.damping, "(50, 5)")
         for rate in self.damping:
@@ -92,6 +95,7 @@ class Springs:
     damping: tuple[float, float] = (50.0, 5.0)
 
     def __post_init__(self) -> None:
+        as_tuples(self)
         check_number("springs: stiffness", self.stiffness, above=0.0, unit="N/m")
         check_number("springs: turning", self.turning, at_least=0.0, unit="N m")
         check_pair("springs: damping", self.damping, "(50, 5)")
@@ -119,6 +123,7 @@ class Push:
     until: float = inf
 
     def __post_init__(self) -> None:
+        as_tuples(self)
         check_vector("push: force", self.force)
         check_number("push: since", self.since, at_least=0.0, unit="s")
         if not (isinstance(self.until, float) and self.until == inf):

@@ -15,6 +15,7 @@ from .touching import TouchingGoal
 
 if TYPE_CHECKING:
     from octoctrl.sim.contact.hold import Hold
+    from octoctrl.sim.scene.objects import RigidObject
 
 
 @register_goal
@@ -42,6 +43,14 @@ class ObjectPositionGoal(TouchingGoal):
     def __str__(self) -> str:
         return f"{TouchingGoal.__str__(self)} along ({', '.join(f'{part:g}' for part in self.direction)})"
 
+    def at_rest(self, item: "RigidObject") -> float:
+        """Coordinate of the `item` at the begin."""
+        return float(np.asarray(item.position) @ self._unit)
+
     def measured(self, hold: "Hold", outputs: RecordedOutputs) -> Floats:
         """Coordinate of the object of the `hold`, (T,); the `outputs` say no more of it."""
-        return np.asarray(hold.touch.position @ (np.array(self.direction) / np.linalg.norm(self.direction)))
+        return np.asarray(hold.touch.position @ self._unit)
+
+    @property
+    def _unit(self) -> Floats:
+        return np.array(self.direction) / np.linalg.norm(self.direction)

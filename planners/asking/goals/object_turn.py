@@ -11,6 +11,7 @@ from .touching import TouchingGoal
 
 if TYPE_CHECKING:
     from octoctrl.sim.contact.hold import Hold
+    from octoctrl.sim.scene.objects import RigidObject
 
 
 @register_goal
@@ -22,6 +23,10 @@ class ObjectTurnGoal(TouchingGoal):
     unit: ClassVar[str] = "rad"
     limits: ClassVar[tuple[float, float]] = (0.0, pi)
     tolerance: float = 0.2
+
+    def at_rest(self, item: "RigidObject") -> float:
+        """Nothing, whatever the `item`."""
+        return 0.0
 
     def measured(self, hold: "Hold", outputs: RecordedOutputs) -> Floats:
         """Angle of the `hold`, (T,); the `outputs` say no more of it."""

@@ -14,6 +14,7 @@ from .recorded import RecordedOutputs
 
 if TYPE_CHECKING:
     from octoctrl.sim.contact.hold import Hold
+    from octoctrl.sim.scene.objects import RigidObject
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +51,10 @@ class TouchingGoal(ScalarGoal):
     def measured(self, hold: "Hold", outputs: RecordedOutputs) -> Floats:
         """The number, (T,), of how the object is held, and of what else the outputs say."""
         raise NotImplementedError
+
+    def at_rest(self, item: "RigidObject") -> float | None:
+        """The number while the object, `item`, stays where it begins; None if it is also a matter of where the arm is."""
+        return None
 
     def read(self, outputs: Outputs) -> Floats:
         """The number, (T,), of the `outputs` of a recording.
