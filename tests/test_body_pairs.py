@@ -199,6 +199,7 @@ def test_arrays_and_lists_are_taken_where_tuples_are():
         (lambda: replace(BRICK, size=np.ones(2)), "object 'brick': size is (1.0, 1.0); three finite numbers are needed"),
         (lambda: replace(BRICK, size=0.05), "object 'brick': size is 0.05; three finite numbers are needed"),
         (lambda: replace(BALL, friction=0.1), "object 'ball': friction is 0.1; two finite numbers are needed, such as (0.1, 0.1)"),
+        (lambda: replace(BALL, name="a\nball"), "an object's name is 'a\\nball'; a word is needed, such as 'post'"),
         (lambda: replace(BALL, name=""), "an object's name is ''; a word is needed, such as 'post'"),
         (lambda: Free(damping=5), "free: damping is 5; two finite numbers are needed, such as (50, 5)"),
         (lambda: Scene(objects=5), "5 is no object that an arm can touch; use one of Sphere, Capsule, Cylinder, Box, Plane"),

@@ -2,16 +2,21 @@
 
 import re
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
 from conftest import coil_execution
 
 import octoctrl as oc
-from octoctrl.carrying.results import Execution, ExecutionReport
+from octoctrl.carrying.results import Check, Execution, ExecutionReport, Verdict
 from octoctrl.pictures.contact import grips
+from octoctrl.pictures.film import pictures
 from octoctrl.pictures.motion import motion_of
+from octoctrl.pictures.outlines import outlines
+from octoctrl.pictures.plots import arm_camera
 from octoctrl.pictures.report import page
+from octoctrl.pictures.sections import checks_table, heading
 from octoctrl.pictures.solids import mesh, solids
 from octoctrl.pictures.strands import strand_layers
 from octoctrl.sim.contact.measures import gaps
@@ -76,6 +81,31 @@ def test_objects_stand_where_they_were_recorded(grasp):
     assert np.linalg.norm(np.diff(arrays["object 1 place"], axis=0)).max() > 0, "the arm pushes it"
     still = replace(grasp, recording=replace(grasp.recording, series={}))
     np.testing.assert_allclose(solids(still, motion.chosen)[0]["object 0 place"], np.tile([0.0, 70.0, -24.0], (len(motion.time), 1)))
+
+
+def test_pictures_and_films_show_objects_where_they_were(grasp):
+    camera, last = arm_camera(grasp.plan.task.convention.pole), len(grasp.recording.time) - 1
+    assert np.linalg.norm(np.diff(Touch.of(grasp.recording.series, "ball").position[[0, last]], axis=0)) > 1e-3
+    for index in (0, last):
+        post, ball, far = outlines(grasp, index, camera)
+        centre = camera[:2] @ (1e3 * Touch.of(grasp.recording.series, "ball").position[index])
+        np.testing.assert_allclose(np.linalg.norm(ball - centre, axis=1), 10.0, rtol=0.02)
+        assert np.ptp(post @ (camera[:2, 0] / np.linalg.norm(camera[:2, 0]))) == pytest.approx(
+            80 * np.linalg.norm(camera[:2, 0]) + 16, rel=0.01
+        )
+        assert len(far) >= 4
+    arms = oc.plot(grasp, overlap=True, snapshots=2).axes[0]
+    assert len(arms.patches) == 2 * 2 * 3
+    alone = replace(grasp, plan=replace(grasp.plan, model=replace(grasp.plan.model, scene=oc.Scene())))
+    with_objects, without = (next(pictures(run, 1.0)) for run in (grasp, alone))
+    assert (with_objects != without).any(axis=2).mean() > 0.01
+
+
+def test_what_has_no_limit_is_told_and_not_counted(grasp):
+    told = Verdict(checks=(Check(name="kept", value=0.1, limit=1.0), Check(name="bar.slip", value=0.02, limit=inf, unit="m")))
+    assert told.count == (1, 1) and "(1/1)" in str(told)
+    assert "passed: 1 of 1 checks are met" in heading([grasp], [told])
+    assert "<td>bar.slip</td><td>0.02</td><td></td><td></td><td>m</td>" in checks_table(told)
 
 
 def test_how_objects_were_held_is_that_of_the_recording(grasp):

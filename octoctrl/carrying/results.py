@@ -222,6 +222,12 @@ class Verdict:
         """Pass or fail, as a word."""
         return VerdictStatus.PASS if self.passed else VerdictStatus.FAIL
 
+    @property
+    def count(self) -> tuple[int, int]:
+        """How many checks passed, of how many: what has no limit is only told."""
+        judged = [check.passed for check in self.checks if check.judged]
+        return sum(judged), len(judged)
+
     def raise_if_failed(self) -> "Verdict":
         """Return the verdict if it passed.
 
@@ -291,6 +297,5 @@ def verdict_text(verdict: Verdict) -> str:
         value, limit = (f"{number(item)}{unit}" if isfinite(item) else "never" for item in (check.value, check.limit))
         margin, said = number(check.margin) if isfinite(check.margin) else "", "pass" if check.passed else "FAIL"
         rows.append((check.name, value, limit, margin, said) if check.judged else (check.name, value, "", "", ""))
-    judged = [check for check in verdict.checks if check.judged]
-    good = sum(check.passed for check in judged)
-    return "\n".join([*table(("check", "value", "limit", "margin", ""), rows), f" VERDICT {verdict.status} ({good}/{len(judged)})"])
+    good, judged = verdict.count
+    return "\n".join([*table(("check", "value", "limit", "margin", ""), rows), f" VERDICT {verdict.status} ({good}/{judged})"])

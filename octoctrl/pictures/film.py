@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..carrying.results import Execution
 from ..extras import extra
 from ..files.writing import written_aside
+from .outlines import draw_objects, outlines
 from .plots import arm_camera, arm_shape, draw_arm
 
 Picture = NDArray[np.uint8]
@@ -98,6 +99,7 @@ def pictures(run: Execution, per_second: float) -> Iterator[Picture]:
         axes.set_axis_off()
         axes.set_xlim(middle[0] - half, middle[0] + half)
         axes.set_ylim(middle[1] - half, middle[1] + half)
+        draw_objects(axes, outlines(run, index, camera), np.zeros(2))
         draw_arm(axes, arm_shape(recording, index, arm), camera, np.zeros(3))
         axes.text(0.03, 0.03, f"{min(time, end):.2f} s", transform=axes.transAxes, fontsize=11)
         canvas.draw()

@@ -50,10 +50,11 @@ def summary(run: Execution) -> str:
         HTML, without a script.
     """
     verdict = verify(run)
+    good, judged = verdict.count
     ending, colour = ("passed", "#00795a") if verdict.passed else ("failed", "#b3261e")
     return (
         f'<div class="octoctrl"><style>{_STYLE}</style><p><b>{html.escape(run.plan.task.name)}</b> '
-        f'<b style="color:{colour}">{ending}: {sum(check.passed for check in verdict.checks)} of {len(verdict.checks)} checks are met</b> '
+        f'<b style="color:{colour}">{ending}: {good} of {judged} checks are met</b> '
         f"{html.escape(made(run))}</p>{traces_picture(run)[0]}<details><summary>Verdict, check by check</summary>{checks_table(verdict)}"
         "</details></div>"
     )

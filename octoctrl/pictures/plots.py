@@ -38,8 +38,9 @@ _HEADROOM = 0.3
 _SKIN, _SHADE, _OUTLINE = np.array([0.66, 0.83, 0.94]), np.array([0.32, 0.55, 0.74]), (0.10, 0.22, 0.33)
 _LINES = ((1.0, (0.84, 0.37, 0.0)), (-1.0, (0.97, 0.93, 0.80)))
 """Colours of the lines along LM3 (d1) and LM7 (-d1)."""
-_STATIONS, _GROUP, _GAP = 320, 8, 30.0
-"""Discs with which an arm is drawn, how many neighbours share an outline, and the gap between arms, mm."""
+_STATIONS, _GROUP, _GAP, _BESIDE = 320, 8, 30.0, 20.0
+"""Discs with which an arm is drawn, how many neighbours share an outline, the gap between arms, mm, and how much of an object beside one is
+shown, mm."""
 
 
 def plot(
@@ -242,8 +243,10 @@ def _snapshot_times(execution: Execution, count: int) -> list[tuple[float, str]]
 def draw_snapshots(axes: "Axes", execution: Execution, count: int) -> None:
     """Draw the last `count` ends of phases side by side in one scale, seen obliquely along the pole, into `axes`.
 
-    Lines along LM3 (orange) and LM7 (white) show the twist; the planned centreline of the `execution` is dashed.
+    Lines along LM3 (orange) and LM7 (white) show the twist; the planned centreline of the `execution` is dashed. Objects are seen through.
     """
+    from .outlines import draw_objects, outlines
+
     instants = _snapshot_times(execution, count)
     recording, arm = execution.recording, execution.plan.arm
     camera = arm_camera(execution.plan.task.convention.pole)
@@ -255,13 +258,20 @@ def draw_snapshots(axes: "Axes", execution: Execution, count: int) -> None:
         shape = arm_shape(recording, index, arm)
         flat = shape.points @ camera.T
         width = np.r_[flat[:, 0] - shape.radii, flat[:, 0] + shape.radii]
+        around = outlines(execution, index, camera)
+        height = np.r_[flat[:, 1] - shape.radii, flat[:, 1] + shape.radii]
+        if around:  # as much of what stands beside the arm as shows where it is
+            beside = np.concatenate(around)
+            width = np.r_[width, beside[:, 0].clip(width.min() - _BESIDE, width.max() + _BESIDE)]
+            height = np.r_[height, beside[:, 1].clip(height.min() - _BESIDE, height.max() + _BESIDE)]
         low, wide = width.min(), max(np.ptp(width), 38.0)
         shift = np.array([place - low + (wide - np.ptp(width)) / 2, 0.0, 0.0])
+        draw_objects(axes, around, shift[:2], (place - 0.3 * _GAP, place + wide + 0.3 * _GAP))
         draw_arm(axes, shape, camera, shift)
         if planned is not None:
             guide = 1e3 * planned[number] @ camera.T + shift
             axes.plot(guide[:, 0], guide[:, 1], color=PLANNED, lw=1.0, ls=(0, (4, 2.5)), zorder=5)
-        floor, top = min(floor, (flat[:, 1] - shape.radii).min()), max(top, (flat[:, 1] + shape.radii).max())
+        floor, top = min(floor, height.min()), max(top, height.max())
         axes.annotate(
             f"{name}\n{time:.2f} s",
             (place + wide / 2, 0.0),
@@ -272,10 +282,10 @@ def draw_snapshots(axes: "Axes", execution: Execution, count: int) -> None:
             parse_math=False,
         )
         place += wide + _GAP
-    axes.plot([place - _GAP - 50, place - _GAP], [top] * 2, color=TEXT, lw=1.6)
-    axes.text(place - _GAP - 25, top - 3, "50 mm", ha="center", va="top", fontsize=7.5, color=TEXT)
+    axes.plot([place - _GAP - 50, place - _GAP], [top + 6.0] * 2, color=TEXT, lw=1.6)
+    axes.text(place - _GAP - 25, top + 9.0, "50 mm", ha="center", va="bottom", fontsize=7.5, color=TEXT)
     axes.set_xlim(-4.0, place - _GAP + 4.0)
-    axes.set_ylim(floor - 6.0, top + 3.0)
+    axes.set_ylim(floor - 6.0, top + 22.0)
     axes.set_aspect("equal")
     axes.set_axis_off()
 

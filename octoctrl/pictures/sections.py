@@ -34,11 +34,11 @@ def heading(runs: Sequence[Execution], verdicts: Sequence[Verdict]) -> str:
     """Names, endings and the clock, above the `runs` and their `verdicts`."""
     said = []
     for run, verdict in zip(runs, verdicts, strict=True):
-        good = sum(check.passed for check in verdict.checks)
+        good, judged = verdict.count
         said.append(
             f"<div><h1>{html.escape(run.plan.task.name)}</h1>"
             f'<span class="badge {"pass" if verdict.passed else "fail"}">{"passed" if verdict.passed else "failed"}: '
-            f'{good} of {len(verdict.checks)} checks are met</span><span class="made">{html.escape(made(run))}</span></div>'
+            f'{good} of {judged} checks are met</span><span class="made">{html.escape(made(run))}</span></div>'
         )
     return (
         f'<header>{"".join(said)}<div class="clock"><button id="play" aria-pressed="false">Play</button>'
@@ -133,9 +133,13 @@ def checks_table(verdict: Verdict) -> str:
     """The checks of a `verdict` with their margins, as a table (HTML)."""
     rows = []
     for check in verdict.checks:
+        name = html.escape(check.name.replace("_", " "))
+        if not check.judged:
+            rows.append(f"<tr><td>{name}</td><td>{_number(check.value)}</td><td></td><td></td><td>{check.unit}</td><td></td><td></td></tr>")
+            continue
         share = min(check.value / check.limit, 1.0) if check.limit > 0 else float(check.value > 0)
         numbers = "".join(f"<td>{_number(value)}</td>" for value in (check.value, check.limit, check.margin))
-        name, ending = html.escape(check.name.replace("_", " ")), "pass" if check.passed else "FAIL"
+        ending = "pass" if check.passed else "FAIL"
         rows.append(
             f'<tr class="{ending.lower()}"><td>{name}</td>{numbers}<td>{check.unit}</td>'
             f'<td class="meter"><i style="width:{100 * share:.0f}%"></i></td><td>{ending}</td></tr>'

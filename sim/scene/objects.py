@@ -71,7 +71,7 @@ class RigidObject(ABC):
 
     def __post_init__(self) -> None:
         as_tuples(self)
-        if not isinstance(self.name, str) or not self.name:
+        if not isinstance(self.name, str) or not self.name.strip() or not self.name.isprintable():
             raise OctoctrlError(f"an object's name is {brief(repr(self.name))}; a word is needed, such as 'post'")
         check_vector(f"object '{self.name}': position", self.position)
         check_vector(f"object '{self.name}': axis", self.axis)
