@@ -20,7 +20,7 @@ from octoctrl.planners.model.reduced import ReducedModel
 from octoctrl.sim.body.fibres import winding_of
 from octoctrl.sim.errors import OctoctrlError
 from octoctrl.sim.plants import make_plant
-from octoctrl.sim.scene.objects import Capsule
+from octoctrl.sim.scene.objects import Capsule, Plane
 
 TEMPLATE = """[task]
 name = "reach"
@@ -97,6 +97,10 @@ OBJECTS = [
     (
         lambda: oc.plan(turned(), scene=oc.Scene(objects=(POST,))),
         "task 'turned': goal object turn 1.5 ± 0.2 rad of 'post': the object is fixed and stays at 0 rad; give it a support that lets it move, such as Free()",
+    ),
+    (
+        lambda: oc.plan("grasp", scene=oc.Scene(objects=(Plane(name="post", position=(0.0, 0.0, -0.03)),))),
+        "task 'grasp': goal covered winding at least 0.95 ± 0.05 turns for 1 s of 'post': the object is a plane, of which there is no such number; gap can be asked for",
     ),
     (lambda: oc.plan(threaded("bar"), scene=oc.Scene(objects=(POST,))), "task 'through': a goal is about object 'bar', which the scene does not have (post)"),
     (lambda: oc.plan("grasp", time_limit=-1), "time_limit=-1 s is outside > 0 s"),

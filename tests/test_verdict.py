@@ -206,6 +206,16 @@ def test_runs_that_follow_their_plan_pass(scene):
     assert str(verdict).endswith(f"VERDICT pass ({len(verdict.checks)}/{len(verdict.checks)})")
 
 
+def test_two_goals_of_one_quantity_have_names_of_their_own():
+    run = next(iter(PASSING.values()))()
+    first, *others = run.plan.task.phases
+    wide = goal("twist", between=(-90.0, 90.0))
+    task = replace(run.plan.task, phases=(replace(first, goals=(*first.goals, wide, wide)), *others))
+    names = [check.name for check in verify(replace(run, plan=replace(run.plan, task=task))).checks]
+    count = sum(item.quantity == "twist" for item in first.goals)
+    assert f"{first.name}.twist[{count + 2}]" in names and len(names) == len(set(names))
+
+
 @pytest.mark.parametrize("scene", FAILING)
 def test_a_run_can_fail_any_check_alone(scene):
     verdict = verify(FAILING[scene]())

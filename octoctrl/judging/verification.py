@@ -3,6 +3,7 @@
 Nothing here is predicted: every value is measured on the plant's recording, by the formula that also made the planned trace.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from math import inf
@@ -129,11 +130,14 @@ def _goal_checks(execution: Execution) -> Iterator[Check]:
     begin = 0.0
     for phase in plan.task.phases:
         end = ends.get(phase.name, inf)
+        seen: Counter[str] = Counter()
         for goal in phase.goals:
+            seen[goal.quantity] += 1
+            name = f"{phase.name}.{goal.quantity}" + (f"[{seen[goal.quantity]}]" if seen[goal.quantity] > 1 else "")
             miss = inf
             if end < inf:
                 miss = miss_in_phase(goal, recording.time, goal.miss(recording, execution.trace, plan.arm), begin, end)
-            yield _check(f"{phase.name}.{goal.quantity}", miss, goal.tolerance, goal.unit)
+            yield _check(name, miss, goal.tolerance, goal.unit)
         begin = end
 
 

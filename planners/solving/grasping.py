@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from octoctrl.sim.body.arm import Arm
 from octoctrl.sim.errors import OctoctrlError
-from octoctrl.sim.scene.objects import Capsule, Cylinder, RigidObject, frame_of
+from octoctrl.sim.scene.objects import Capsule, Cylinder, Plane, RigidObject, frame_of
 from octoctrl.sim.scene.scene import Scene
 from octoctrl.sim.scene.supports import Fixed
 
@@ -62,12 +62,12 @@ def is_simulated(task: Task) -> bool:
 
 
 def check_objects(task: Task, scene: Scene) -> None:
-    """Check that the scene has the objects that the goals of a task are about, and that those can move that must.
+    """Check that the scene has the objects that the goals of a task are about, of which that can be asked.
 
     Raises
     ------
     OctoctrlError
-        If one is missing, or is fixed where it does not meet the goal.
+        If one is missing, is a plane that is to be wound round, or is fixed where it does not meet the goal.
     """
     known = {item.name: item for item in scene.objects}
     for goal in (goal for phase in task.phases for goal in phase.goals if isinstance(goal, TouchingGoal)):
@@ -77,6 +77,10 @@ def check_objects(task: Task, scene: Scene) -> None:
                     f"task '{task.name}': a goal is about object '{name}', which the scene does not have ({', '.join(known) or 'none'})"
                 )
         item, (low, high) = known[goal.object], goal.band
+        if isinstance(item, Plane) and not goal.of_planes:
+            raise OctoctrlError(
+                f"task '{task.name}': goal {goal}: the object is a plane, of which there is no such number; gap can be asked for"
+            )
         number = goal.at_rest(item) if isinstance(item.support, Fixed) else None
         if number is not None and not low - goal.tolerance <= number <= high + goal.tolerance:
             raise OctoctrlError(

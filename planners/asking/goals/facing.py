@@ -32,6 +32,7 @@ class FacingGoal(TouchingGoal):
 
     quantity: ClassVar[str] = "facing"
     unit: ClassVar[str] = ""
+    of_planes: ClassVar[bool] = True
     limits: ClassVar[tuple[float, float]] = (-1.0, 1.0)
     azimuth: float = 0.0
     tolerance: float = 0.1

@@ -21,6 +21,7 @@ class GapGoal(TouchingGoal):
 
     quantity: ClassVar[str] = "gap"
     unit: ClassVar[str] = "m"
+    of_planes: ClassVar[bool] = True
     tolerance: float = 2e-3
 
     def measured(self, hold: "Hold", outputs: RecordedOutputs) -> Floats:

@@ -31,6 +31,7 @@ class ObjectPositionGoal(TouchingGoal):
 
     quantity: ClassVar[str] = "object_position"
     unit: ClassVar[str] = "m"
+    of_planes: ClassVar[bool] = True
     direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
     tolerance: float = 5e-3
 

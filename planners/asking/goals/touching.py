@@ -31,6 +31,8 @@ class TouchingGoal(ScalarGoal):
     steered: ClassVar[bool] = False  # the model, on which feedback is designed, knows nothing of it
     handled: ClassVar[bool] = True
     """Whether the object is what the arm is to hold or to move; otherwise it is only in the way."""
+    of_planes: ClassVar[bool] = False
+    """Whether the number can be read of a plane, which has neither an axis to be wound round nor an end."""
     enough: ClassVar[float] = 0.15
     """Price that needs no bettering."""
     limits: ClassVar[tuple[float, float]] = (-inf, inf)
