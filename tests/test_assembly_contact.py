@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import octoctrl as oc
-from octoctrl.sim.assembly import contact_kernels, published_contact_kernels, terms
+from octoctrl.sim.assembly import contact_kernels, hydrostat_terms, published_contact_kernels, published_terms
 from octoctrl.sim.assembly.core import compiled
 from octoctrl.sim.assembly.layout import AssemblyRow
 from octoctrl.sim.assembly.surroundings import outer_nodes
@@ -46,7 +46,7 @@ def test_without_objects_nothing_of_contact_is_built(monkeypatch):
     def refuse(grid):
         raise AssertionError("contact is built")
 
-    for module in (terms, contact_kernels, published_contact_kernels):
+    for module in (hydrostat_terms, published_terms, contact_kernels, published_contact_kernels):
         for name in ("contact_kernels", "published_contact_kernels"):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, refuse)
