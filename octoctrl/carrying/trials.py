@@ -36,10 +36,9 @@ RECORD = 4
 QUICK = 0.02
 """Interval between samples of trials that are quick, s: levels change slowly, and the steps in between are as small as ever."""
 
-ROUGH_ELEMENTS, ROUGH_STEP = 24, 1.25e-3
+ROUGH_ELEMENTS, ROUGH_STEP = 24, 1e-3
 """Elements at most, and step, s, where it is stable, of trials that are rough besides: they take less than half of the time. Longer
-elements lie on an object more easily: prices are the same within 0.02 in the middle, but too low by 0.2 and more in one of fourteen. A step
-of 1 ms tells no better."""
+elements lie on an object more easily: prices are the same within 0.02 in the middle, but too low by 0.2 and more in one of fourteen."""
 
 HOPELESS, LOST = 1.4, 9.0
 """Price of a goal beyond which a trial is not tried in further scenarios, and price of a plant that diverged."""
