@@ -153,7 +153,8 @@ def forgotten():
     """Task files know every shape that there is by its name: those of a test are gone after it."""
     before = set(Capsule.__subclasses__())
     yield
-    annotations._hints.cache_clear()
+    for keeps in (annotations._hints, annotations._looked_at):
+        keeps.cache_clear()
     gc.collect()
     assert set(Capsule.__subclasses__()) == before
 
