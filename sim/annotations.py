@@ -82,9 +82,8 @@ def settle(item: Any) -> None:
         If a field is something else.
     """
     kind: type = type(item)
-    as_tuples(item)
     for name, hint in _looked_at(kind):
-        value = getattr(item, name)
+        value = _kept(item, name, hint)
         if _is_settled(hint, value):
             continue
         needed = f"{_words(hint)} {'are' if _is_tuple(hint) else 'is'} needed"
@@ -97,9 +96,16 @@ def as_tuples(item: Any) -> None:
     """Make tuples of the lists and arrays that a dataclass (`item`) was given where it keeps tuples."""
     kind: type = type(item)
     for name, hint in _looked_at(kind):
-        value = getattr(item, name)
-        if isinstance(value, list | np.ndarray) and np.ndim(value) and _is_tuple(hint):
-            object.__setattr__(item, name, tuple(value.tolist() if isinstance(value, np.ndarray) else value))
+        _kept(item, name, hint)
+
+
+def _kept(item: Any, name: str, hint: Any) -> Any:
+    """The value of a field as the dataclass keeps it: a tuple, where that is annotated, of a list or an array."""
+    value = getattr(item, name)
+    if isinstance(value, list | np.ndarray) and _is_tuple(hint) and np.ndim(value):
+        value = tuple(value.tolist() if isinstance(value, np.ndarray) else value)
+        object.__setattr__(item, name, value)
+    return value
 
 
 @cache
